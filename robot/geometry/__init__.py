@@ -1,0 +1,1 @@
+"""Planar poses and stereo geometry: the ground floor, imported by every room."""
