@@ -49,6 +49,7 @@ class CameraConfig(Section):
     y_m: float = 0.03
     z_m: Positive = 0.09
     pitch_rad: float = 0.0
+    device: str = "0"  # side-by-side camera: number or path
     calibration: str = ""  # ROS camera_info, OpenCV or Kalibr file; empty: already rectified
 
     def stereo_camera(self) -> StereoCamera:
@@ -75,6 +76,14 @@ class PerceptionConfig(Section):
 class SlamConfig(Section):
     """The EKF and its association."""
 
+    wheel_noise_m_per_sqrt_m: Positive = 0.01  # random walk of each wheel's travel
+    wheel_scale_sigma: NotNegative = 0.02  # how wrong a wheel's diameter may be, relative
+    gyro_noise_rad_per_sqrt_s: Positive = 0.003
+    gyro_bias_sigma_radps: NotNegative = 0.02  # before the first standstill
+    gyro_bias_walk: NotNegative = 0.0002  # rad/s per sqrt(s)
+    degraded_sigma_m: Positive = 0.3  # one sigma of the position along its worse direction
+    lost_sigma_m: Positive = 1.0
+
 
 class MappingConfig(Section):
     """The occupancy grid."""
@@ -99,6 +108,10 @@ class LinkConfig(Section):
 
     port: str = ""  # empty: find it by its USB name
     baud: Count = 115200
+    metres_per_tick: Annotated[float, Meta(gt=0.0, le=0.01)] = 0.0002  # 5000 ticks a metre
+    max_wheel_mps: Annotated[float, Meta(gt=0.0, le=0.5)] = 0.5  # rim speed, each wheel
+    battery_empty_v: Positive = 12.0  # 0 % of a pack of four lithium-ion cells
+    battery_full_v: Positive = 16.4  # 100 %
 
 
 class LogConfig(Section):
