@@ -33,6 +33,7 @@ class RobotConfig(Section):
     track_width_m: Positive = 0.23
     cruise_mps: Annotated[float, Meta(gt=0.0, le=0.5)] = 0.25
     max_yaw_rate_radps: Annotated[float, Meta(gt=0.0, le=3.0)] = 1.2
+    i2c_bus: Annotated[int, Meta(ge=0, le=30)] = 1  # of the gyro
     dock_marker_id: Annotated[int, Meta(ge=0, le=49)] = 7  # ArUco dictionary 4x4_50
     dock_marker_size_m: Positive = 0.09
 
@@ -88,19 +89,86 @@ class SlamConfig(Section):
 class MappingConfig(Section):
     """The occupancy grid."""
 
-    resolution_m: Annotated[float, Meta(gt=0.0, le=0.2)] = 0.05
+    resolution_m: Annotated[float, Meta(gt=0.0, le=0.2)] = 0.025
+    max_range_m: Annotated[float, Meta(gt=0.2, le=10.0)] = 3.0  # farther ranges only say "free"
+    trusted_range_m: Positive = 1.2  # evidence fades with the square of the distance beyond
+    range_sigma_per_m2: NotNegative = 0.022  # sigma_z = this * z^2 (0.3 px at 228 px, 6 cm)
+    free_weight: Positive = 0.4  # log-odds that one scan takes from a free cell ...
+    hit_weight: Positive = 0.5  # ... and gives to an occupied one
+    hit_over_free: Annotated[float, Meta(ge=1.0)] = 3.0  # weight of a hit among rays that pass
+    free_below: Positive = 0.3  # log-odds under minus this: free
+    occupied_above: Positive = 0.6
+    max_free: Positive = 2.5  # bounded, so that a door that closes is believed within a second
+    max_occupied: Positive = 3.5
+    max_extent_m: Positive = 60.0  # nothing farther from the start is mapped
 
 
 class PlanningConfig(Section):
     """Coverage and routes."""
 
+    margin_m: NotNegative = 0.01  # kept between the robot's rim and what is mapped
+    unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor
+    lane_overlap_m: NotNegative = 0.02  # neighbouring lanes share this much of the brush
+    soft_clearance_m: Positive = 0.35  # routes prefer this much room around the centre
+    min_patch_m2: Positive = 0.01  # uncovered specks smaller than this are left
+    min_sliver_m: NotNegative = 0.05  # and strips thinner than this
+    min_unseen_m2: Positive = 0.03  # smallest unseen floor worth a look
+    turn_cost_m: NotNegative = (
+        0.25  # a turn on the spot by 90 degrees costs as much as driving this
+    )
+
 
 class ControlConfig(Section):
     """Following and the safety gate."""
 
+    acceleration_mps2: Positive = 0.6
+    brake_mps2: Positive = 0.6  # what the drive can surely do; plans and the gate count on it
+    yaw_acceleration_radps2: Positive = 8.0
+    lookahead_m: Positive = 0.18  # a lateral error is steered away within about this distance
+    heading_gain_per_s: Positive = 4.0
+    drive_lag_s: NotNegative = 0.08  # from a command to the wheels
+    corner_radius_m: NotNegative = 0.09  # turns between neighbouring lanes are driven round
+    corner_cut_m: NotNegative = 0.01  # how far any other corner may be cut
+    turn_in_place_rad: Positive = 0.6  # a larger heading error is turned away standing
+    valid_for_ms: Annotated[int, Meta(ge=20, le=1000)] = 200
+    wheels_stale_s: Positive = 0.3
+    contact_stale_s: Positive = 0.5
+    link_stale_s: Positive = 1.5
+    seen_slow_s: Positive = 0.5
+    seen_stop_s: Positive = 1.5
+    stale_mps: NotNegative = 0.10
+    unknown_mps: NotNegative = 0.12
+    near_mps: NotNegative = 0.14  # while something may graze the robot's side
+    touch_mps: Annotated[float, Meta(gt=0.0, le=0.15)] = 0.08  # with no free distance left
+    back_mps: Annotated[float, Meta(gt=0.0, le=0.15)] = 0.12
+    reaction_s: NotNegative = 0.2
+    stop_gap_m: NotNegative = 0.02
+    graze_m: NotNegative = 0.02
+    memory_s: Positive = 4.0  # how long a seen obstacle is remembered without being seen again
+    memory_range_m: Positive = 1.2
+
 
 class MissionConfig(Section):
     """What a cleaning run does."""
+
+    max_duration_s: Positive = 3600.0  # of cleaning; then the robot returns to its dock
+    battery_return_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 20.0
+    undock_m: Positive = 0.45
+    look_radps: Positive = 0.8
+    replan_growth_m2: Positive = 1.5  # known free floor gained that is worth a new plan
+    replan_every_s: Positive = 20.0  # at most so often for growth
+    plan_timeout_s: Positive = 10.0
+    done_m2: NotNegative = 0.05  # less uncovered floor than this is clean
+    fruitless_plans: Count = 3  # so many plans in a row without new floor end the cleaning
+    fruitful_m2: NotNegative = 0.05
+    staging_m: Positive = 0.7  # where the approach to the dock begins, before the docked pose
+    dock_tries: Count = 3
+    back_off_m: Annotated[float, Meta(gt=0.0, le=0.3)] = 0.10
+    stuck_s: Positive = 4.0
+    recover_tries: Count = 8  # within `recover_reset_m` of driving
+    recover_reset_m: Positive = 0.5
+    brush: Fraction = 0.8
+    fan: Fraction = 0.8
 
 
 class LinkConfig(Section):
@@ -117,7 +185,12 @@ class LinkConfig(Section):
 class LogConfig(Section):
     """What is kept of a run."""
 
-    chunk_bytes: Count = 262144
+    chunk_bytes: Count = 262144  # what a crash can lose at most, before compression
+    # Channels for people only, per second; 0: never. Events and commands are always complete.
+    pose_hz: NotNegative = 10.0
+    scan_hz: NotNegative = 5.0
+    map_hz: NotNegative = 0.5
+    landmarks_hz: NotNegative = 0.2
 
 
 class SimConfig(Section):
@@ -152,7 +225,7 @@ def parse_config(text: str, name: str = "config.toml") -> Config:
         what, _, where = str(error).partition(" - at ")
         key = where.strip("`").removeprefix("$.") or "the top level"
         raise ConfigError(
-            f"{name}: {what} (at {key}); correct or remove that key, defaults are in robot/config.py."
+            f"{name}: {what} (at {key}); correct or remove that key."
         ) from None
     except msgspec.DecodeError as error:
         raise ConfigError(f"{name}: not valid TOML: {error}; correct that line.") from None

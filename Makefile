@@ -1,0 +1,61 @@
+# Two commands do everything: `make run` and `make test`. Both build their own environment in .venv.
+
+# The newest supported Python that really starts (a version manager's shim may exist and not run).
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3; do \
+	$$p -c 'import sys, venv; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' \
+	2>/dev/null && { echo $$p; break; }; done)
+VENV := .venv
+BIN := $(VENV)/bin
+SCENE ?= flat
+SEED ?= 1
+# One thread for each numeric library: the robot's setting, and the fastest on two cores.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: run test test-long lint types firmware messages bench train clean
+
+run: $(VENV)/.sim
+	$(BIN)/sweeper run --body sim --scene $(SCENE) --seed $(SEED)
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest -m "not long"
+
+test-long: $(VENV)/.dev
+	$(BIN)/python -m pytest -m long
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(BIN)/mypy robot firmware_bridge
+
+firmware:
+	$(MAKE) -C firmware_bridge/firmware host
+
+messages: $(VENV)/.dev
+	$(BIN)/python -m firmware_bridge.messages
+
+train: $(VENV)/.train
+	$(BIN)/python -m models.train --help
+
+$(VENV)/bin/python:
+	@test -n "$(PYTHON)" || { echo "Sweeper needs Python 3.11 to 3.13: install it, or name it with PYTHON=..."; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+
+$(VENV)/.sim: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/pip install --quiet -e '.[sim]'
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/pip install --quiet -e '.[dev]'
+	@touch $@ $(VENV)/.sim
+
+$(VENV)/.train: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/pip install --quiet -e '.[train,dev]'
+	@touch $@ $(VENV)/.dev $(VENV)/.sim
+
+clean:
+	rm -rf $(VENV) runs build *.egg-info
+	$(MAKE) -C firmware_bridge/firmware clean

@@ -1,0 +1,161 @@
+"""`sweeper run` and `sweeper record`: put a brain into a body, let it live, keep what happened."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from robot.body.control import ControlSocket
+from robot.body.live import LiveBody
+from robot.body.notify import Notifier
+from robot.body.observe import Observer, Snapshot
+from robot.body.simulated import SimulatedBody
+from robot.body.sources import open_gyro, open_perception, open_stereo, open_wheels
+from robot.body.summary import Judge, summarise, write_run_folder
+from robot.brain import Brain
+from robot.config import Config, dump_config
+from robot.errors import SweeperError
+from robot.log.writer import LogHeader, LogWriter
+from robot.run import run
+
+MAX_SIM_S = 1800.0  # a simulated clean that takes longer has lost its way
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What the command line asks for."""
+
+    body: str = "sim"
+    scene: str = "flat"
+    seed: int = 1
+    duration_s: float | None = None
+    out: Path = Path("runs")
+    frames: bool = False
+    wait: bool = False
+    real_time: bool = False
+    socket: Path | None = None
+
+
+def run_cleaning(
+    options: RunOptions, config: Config, progress: Callable[[Snapshot], None]
+) -> dict[str, Any]:
+    """Run until the mission or the time ends.
+
+    Writes the run folder and the link `latest` beside it, and returns the summary.
+    """
+    with ExitStack() as stack:
+        judge = _open_world(options, config) if options.body == "sim" else None
+        folder = _new_folder(options)
+        header = LogHeader(
+            config_toml=dump_config(config),
+            camera=config.camera.stereo_camera(),
+            scene=options.scene if judge else "",
+            seed=options.seed,
+            body=options.body,
+        )
+        log = stack.enter_context(LogWriter(folder / "log.mcap", header, config.log))
+        observer = Observer(log, log, progress, judge.covered_pct if judge else None)
+        body = (
+            _simulated(options, config, judge, observer, stack)
+            if judge
+            else _live(options, config, observer, stack)
+        )
+        started_s = time.monotonic()
+        run(body, Brain(config), observer)
+        wall_s = time.monotonic() - started_s
+    summary = summarise(observer, body, judge, options.scene, options.seed, wall_s)
+    summary["log"] = str(folder / "log.mcap")
+    write_run_folder(folder, summary, observer, judge, config)
+    return summary
+
+
+def _open_world(options: RunOptions, config: Config) -> Judge:
+    from robot.sim.base import SimBase
+    from robot.sim.scene import load_scene
+
+    world = load_scene(options.scene)
+    base = SimBase(
+        world, config.robot, config.sim, options.seed, metres_per_tick=config.link.metres_per_tick
+    )
+    return Judge(world, base, config.robot)
+
+
+def _simulated(
+    options: RunOptions, config: Config, judge: Judge, observer: Observer, stack: ExitStack
+) -> SimulatedBody:
+    from firmware_bridge.host import HostFirmware, build_host_firmware
+    from robot.sim.render_process import RenderProcess
+
+    build = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="sweeper-")))
+    camera = config.camera.stereo_camera()
+    renderer = RenderProcess(options.scene, camera, config.sim, options.seed)
+    stack.callback(renderer.close)
+    firmware = HostFirmware(build_host_firmware(build))
+    stack.callback(firmware.close)
+    body = SimulatedBody(
+        config,
+        judge.world,
+        judge.base,
+        firmware,
+        renderer,
+        open_perception(config),
+        observer,
+        duration_s=options.duration_s or MAX_SIM_S,
+        record_frames=options.frames,
+        real_time=options.real_time,
+        start=not options.wait,
+    )
+    stack.callback(body.close)
+    return body
+
+
+def _live(options: RunOptions, config: Config, observer: Observer, stack: ExitStack) -> LiveBody:
+    wheels, transport = open_wheels(config)
+    stack.callback(transport.close)
+    control = None
+    if options.socket is not None:
+        control = ControlSocket(options.socket)
+    elif options.wait and not options.frames:
+        raise SweeperError("--wait needs --socket PATH, so that `sweeper ask start` can reach it.")
+    body = LiveBody(
+        config,
+        open_stereo(config),
+        open_perception(config),
+        wheels,
+        gyro=open_gyro(config),
+        control=control,
+        recorder=observer if options.frames else None,
+        notifier=Notifier(),
+        duration_s=options.duration_s or float("inf"),
+        start=not options.wait,
+    )
+    stack.callback(body.close)
+    return body
+
+
+def _new_folder(options: RunOptions) -> Path:
+    """Make `out/<time>-<what>` and let `out/latest` point to it."""
+    what = f"{Path(options.scene).stem}-{options.seed}" if options.body == "sim" else "live"
+    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    try:
+        folder = next(
+            path
+            for n in range(100)
+            if not (path := options.out / f"{stamp}-{what}{f'-{n}' if n else ''}").exists()
+        )
+        folder.mkdir(parents=True)
+        latest = options.out / "latest"
+        with suppress(FileNotFoundError):
+            latest.unlink()
+        latest.symlink_to(folder.name)
+    except OSError as error:
+        raise SweeperError(
+            f"--out {options.out}: cannot be written ({error.strerror}); give a writable folder."
+        ) from None
+    return folder

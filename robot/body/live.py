@@ -1,0 +1,219 @@
+"""The live body: cameras, gyro and the motor controller, on the monotonic clock.
+
+One thread captures and sees; one thread plans; the loop's own thread polls the serial link and the
+gyro, and never waits for either. Answers of the workers are events.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Protocol
+
+from robot.body.base import Recorder
+from robot.body.control import ControlSocket
+from robot.body.notify import Notifier
+from robot.config import Config
+from robot.hardware.wheels import WheelBridge
+from robot.messages import (
+    Command,
+    Event,
+    ImuSample,
+    Planned,
+    PlanOrder,
+    Request,
+    Seen,
+    StereoFrame,
+    Tick,
+)
+from robot.planning.worker import plan
+
+NS = 1_000_000_000
+TICK_NS = NS // 50
+REST_NS = 2 * NS  # at rest before a start, for the gyro's bias
+
+
+class StereoSource(Protocol):
+    """A camera: blocking read of the newest pair, None when it has stopped."""
+
+    def read(self) -> StereoFrame | None: ...
+
+    def close(self) -> None: ...
+
+
+class See(Protocol):
+    """The perception chain."""
+
+    def see(self, frame: StereoFrame, arrived_ns: int) -> Seen: ...
+
+
+class Gyro(Protocol):
+    """A turn-rate sensor read on demand."""
+
+    def read(self) -> ImuSample | None: ...
+
+
+class YawTrack:
+    """Integral of the gyro over the last seconds, asked by the capture thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._samples: deque[tuple[int, float]] = deque(maxlen=200)  # (t_ns, yaw since start)
+
+    def add(self, sample: ImuSample) -> None:
+        """Integrate one sample."""
+        with self._lock:
+            t_ns, yaw = self._samples[-1] if self._samples else (sample.t_ns, 0.0)
+            yaw += sample.yaw_rate_radps * (sample.t_ns - t_ns) / NS
+            self._samples.append((sample.t_ns, yaw))
+
+    def change_rad(self, start_ns: int, end_ns: int) -> float:
+        """Yaw between two times; NaN where the samples do not reach back that far."""
+        with self._lock:
+            samples = list(self._samples)
+        if not samples or samples[0][0] > start_ns:
+            return float("nan")
+        at = [
+            max((s for s in samples if s[0] <= t), key=lambda s: s[0]) for t in (start_ns, end_ns)
+        ]
+        return at[1][1] - at[0][1]
+
+
+class Worker(threading.Thread):
+    """Runs `step` until stopped; an exception ends the thread and is kept for the loop to raise."""
+
+    def __init__(self, name: str, step: Callable[[], None]) -> None:
+        super().__init__(name=name, daemon=True)
+        self._step = step
+        self._stopping = threading.Event()
+        self.error: BaseException | None = None
+
+    def run(self) -> None:
+        """Thread body."""
+        try:
+            while not self._stopping.is_set():
+                self._step()
+        except BaseException as error:
+            self.error = error
+
+    def stop(self) -> None:
+        """Ask the thread to end after its present step."""
+        self._stopping.set()
+
+
+class LiveBody:
+    """The robot itself. Implements `robot.body.base.Body`."""
+
+    def __init__(
+        self,
+        config: Config,
+        camera: StereoSource,
+        perception: See,
+        wheels: WheelBridge,
+        *,
+        gyro: Gyro | None = None,
+        control: ControlSocket | None = None,
+        recorder: Recorder | None = None,
+        notifier: Notifier | None = None,
+        duration_s: float = float("inf"),
+        start: bool = True,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._config, self._camera, self._perception = config, camera, perception
+        self._wheels, self._gyro, self._control = wheels, gyro, control
+        self._recorder, self._notifier, self._clock = recorder, notifier or Notifier(""), clock
+        self._duration_s = duration_s
+        self._yaw = YawTrack()
+        self._last_frame_ns = 0
+        self._last_seq = -1
+        self._seen: queue.SimpleQueue[Seen] = queue.SimpleQueue()
+        self._orders: queue.Queue[PlanOrder] = queue.Queue()
+        self._planned: queue.SimpleQueue[Planned] = queue.SimpleQueue()
+        self._workers = [Worker("see", self._see_one), Worker("plan", self._plan_one)]
+        self.frames = 0
+        self.frames_dropped = 0
+        self._start = start
+        self.stage_ms: dict[str, list[float]] = {}
+
+    # ------------------------------------------------------------------ Body
+
+    def events(self) -> Iterator[Event]:
+        """Live until `duration_s` has passed, or a worker has failed (its error is raised)."""
+        for worker in self._workers:
+            worker.start()
+        self._notifier.send("READY=1")
+        start_ns = due_ns = self._clock()
+        while due_ns - start_ns < self._duration_s * NS:
+            due_ns += TICK_NS
+            time.sleep(max(0.0, (due_ns - self._clock()) / NS))
+            yield from self._inputs(self._clock())
+            if self._start and due_ns - start_ns >= REST_NS:
+                self._start = False
+                yield Request(self._clock(), "start")
+            yield Tick(self._clock())
+            self._notifier.send("WATCHDOG=1")
+            for worker in self._workers:
+                if worker.error is not None:
+                    raise worker.error
+
+    def send(self, command: Command) -> None:
+        """Hand orders to the motor controller and plans to the planning thread."""
+        if isinstance(command, PlanOrder):
+            self._orders.put(command)
+        else:
+            self._wheels.send(command)
+
+    def close(self) -> None:
+        """Stop the threads and give the devices back."""
+        self._notifier.send("STOPPING=1")
+        for worker in self._workers:
+            worker.stop()
+        for worker in self._workers:
+            if worker.is_alive():
+                worker.join(timeout=2.0)
+        self._camera.close()
+        if self._control is not None:
+            self._control.close()
+
+    # ------------------------------------------------------------------ parts
+
+    def _inputs(self, now_ns: int) -> Iterator[Event]:
+        yield from self._wheels.poll(now_ns)
+        if self._gyro is not None and (sample := self._gyro.read()) is not None:
+            self._yaw.add(sample)
+            yield sample
+        while not self._seen.empty():
+            yield self._seen.get()
+        while not self._planned.empty():
+            yield replace(self._planned.get(), t_ns=now_ns)
+        if self._control is not None:
+            yield from self._control.poll(now_ns)
+
+    def _see_one(self) -> None:
+        frame = self._camera.read()
+        if frame is None:
+            # A camera that has stopped shows as stale sight in the safety gate; keep asking.
+            time.sleep(0.05)
+            return
+        turned_rad = self._yaw.change_rad(self._last_frame_ns, frame.t_ns)
+        frame = replace(frame, yaw_change_rad=turned_rad)
+        if self._recorder is not None:
+            self._recorder.frame(frame)
+        seen = self._perception.see(frame, frame.t_ns)
+        self._seen.put(replace(seen, arrived_ns=self._clock()))
+        self.frames += 1
+        self.frames_dropped += frame.seq - self._last_seq - 1
+        self._last_seq, self._last_frame_ns = frame.seq, frame.t_ns
+
+    def _plan_one(self) -> None:
+        try:
+            order = self._orders.get(timeout=0.2)
+        except queue.Empty:
+            return
+        while not self._orders.empty():  # newest wins
+            order = self._orders.get()
+        self._planned.put(plan(order, self._config.planning, self._config.robot))

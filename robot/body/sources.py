@@ -1,0 +1,124 @@
+"""Opens what the configuration names: calibration, network, motor controller.
+
+Files are read here and handed inward as bytes or text; the rooms themselves stay pure.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import tomllib
+from importlib import resources
+from pathlib import Path
+
+from firmware_bridge.link import Link
+from firmware_bridge.transport import SerialTransport
+from robot.config import Config
+from robot.errors import CalibrationError, HardwareError, ModelError
+from robot.geometry.stereo import StereoCamera
+from robot.hardware.imu_i2c import Imu, open_bus
+from robot.hardware.uvc import UvcStereo
+from robot.hardware.wheels import WheelBridge, open_transport
+from robot.perception.calibration import parse_calibration
+from robot.perception.chain import Perception
+from robot.perception.depth import Depth, make_depth
+from robot.perception.rectify import Rectifier
+
+
+def open_calibration(config: Config) -> Rectifier | None:
+    """The rectifier for `camera.calibration`; None when frames arrive rectified.
+
+    Raises CalibrationError when the file is missing or unfit.
+    """
+    name = config.camera.calibration
+    if not name:
+        return None
+    try:
+        text = Path(name).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CalibrationError(
+            f"camera.calibration = '{name}' cannot be read ({error}); calibrate the cameras, or "
+            "name an existing ROS camera_info, OpenCV or Kalibr file."
+        ) from None
+    camera = config.camera
+    return Rectifier(
+        parse_calibration(text, name),
+        camera.width_px,
+        camera.height_px,
+        camera.stereo_camera().base_from_cam,
+    )
+
+
+def open_depth(config: Config, camera: StereoCamera) -> Depth:
+    """The configured matcher, with its network read and its hash checked. Raises ModelError."""
+    model = read_model(config.perception.model) if config.perception.matcher == "onnx" else None
+    return make_depth(config.perception, camera, model)
+
+
+def open_perception(config: Config) -> Perception:
+    """The whole chain from frame to `Seen` for this configuration, timed by the real clock."""
+    rectifier = open_calibration(config)
+    camera = rectifier.camera if rectifier else config.camera.stereo_camera()
+    return Perception(
+        config.perception,
+        config.robot,
+        camera,
+        open_depth(config, camera),
+        rectifier,
+        clock=time.perf_counter_ns,
+    )
+
+
+def open_wheels(config: Config) -> tuple[WheelBridge, SerialTransport]:
+    """The motor controller on its serial port. Raises HardwareError when there is none."""
+    transport = open_transport(config.link)
+    return WheelBridge(Link(transport), config.robot, config.link), transport
+
+
+def open_stereo(config: Config) -> UvcStereo:
+    """The side-by-side camera. Raises HardwareError when there is none."""
+    return UvcStereo(
+        config.camera.device,
+        eye_width_px=config.camera.width_px,
+        eye_height_px=config.camera.height_px,
+    )
+
+
+def open_gyro(config: Config) -> Imu | None:
+    """The gyro, or None when it is missing: the robot then drives degraded."""
+    try:
+        return Imu(open_bus(config.robot.i2c_bus))
+    except HardwareError:
+        return None
+
+
+def read_model(name: str) -> bytes:
+    """Bytes of a network: a file's path, a name in the manifest, or empty for its default.
+
+    Raises ModelError when it is missing, or differs from the manifest's hash.
+    """
+    if name.endswith(".onnx"):
+        try:
+            return Path(name).read_bytes()
+        except OSError as error:
+            raise ModelError(
+                f"perception.model = '{name}' cannot be read ({error.strerror}); name an existing "
+                "ONNX file, or leave the key out."
+            ) from None
+    folder = resources.files("models")
+    manifest = tomllib.loads((folder / "manifest.toml").read_text(encoding="utf-8"))
+    name = name or manifest["default"]
+    entry = manifest["models"].get(name)
+    if entry is None:
+        raise ModelError(
+            f"perception.model = '{name}' is not in models/manifest.toml; choose one of "
+            f"{', '.join(manifest['models'])}, or give the path of an .onnx file."
+        )
+    artifact = folder / entry["file"]
+    data = artifact.read_bytes() if artifact.is_file() else b""
+    if hashlib.sha256(data).hexdigest() != entry["sha256"]:
+        raise ModelError(
+            f"models/{entry['file']} is missing or differs from its hash in models/manifest.toml; "
+            "restore it with git, or export it again."
+        )
+    return data

@@ -1,0 +1,253 @@
+"""The command line: every verb, its manual, and its exit code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from robot.errors import SweeperError
+
+EXIT_DONE, EXIT_FAILED, EXIT_USAGE = 0, 1, 2
+
+MANUAL = """\
+Sweeper drives a robot vacuum that sees with two cameras: live on the robot, in the built-in
+simulator, on recorded stereo frames, or replaying a log.
+
+A first drive:   sweeper run                     clean the built-in flat, watch, read the summary
+What happened:   sweeper replay runs/latest/log.mcap
+Your frames:     sweeper bench pipeline --frames DIR
+Is it ready:     sweeper check
+"""
+EXIT_CODES = "Exit codes: 0 done; 1 the run or the comparison failed; 2 the input is wrong."
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb; returns the exit code. User mistakes end as one sentence on stderr."""
+    arguments = parser().parse_args(argv)
+    verb: Callable[[argparse.Namespace], int] = arguments.function
+    try:
+        return verb(arguments)
+    except SweeperError as error:
+        print(f"sweeper: {error}", file=sys.stderr)
+        return EXIT_USAGE
+    except KeyboardInterrupt:
+        print("sweeper: stopped by the keyboard.", file=sys.stderr)
+        return EXIT_FAILED
+
+
+def parser() -> argparse.ArgumentParser:
+    """The grammar of the command line, which is also its manual."""
+    top = argparse.ArgumentParser(
+        prog="sweeper",
+        description=MANUAL,
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    verbs = top.add_subparsers(title="verbs", metavar="VERB", required=True)
+
+    run = _verb(verbs, "run", "clean a home, live or in the simulator", _run)
+    _add_run_options(run)
+    run.add_argument("--wait", action="store_true", help="wait for `sweeper ask start`")
+
+    record = _verb(verbs, "record", "like run, and keep every camera frame in the log", _run)
+    _add_run_options(record)
+    record.set_defaults(frames=True)
+    record.add_argument(
+        "--clean", dest="wait", action="store_false", help="also drive (default: only watch)"
+    )
+
+    replay = _verb(verbs, "replay", "feed a log to the brain and compare its commands", _replay)
+    replay.add_argument("log", type=Path, metavar="LOG", help="log.mcap of a run")
+    replay.add_argument(
+        "--from",
+        dest="source",
+        choices=("events", "frames"),
+        default="events",
+        help="frames: run perception again (needs a log of `sweeper record`)",
+    )
+
+    bench = verbs.add_parser("bench", help="measure: pipeline, stereo")
+    benches = bench.add_subparsers(title="benchmarks", metavar="BENCH", required=True)
+    pipeline = _verb(
+        benches, "pipeline", "recorded stereo frames through perception and SLAM", _bench_pipeline
+    )
+    pipeline.add_argument(
+        "--frames",
+        type=Path,
+        nargs="+",
+        required=True,
+        metavar="DIR",
+        help="EuRoC ASL or KITTI odometry folders, or a folder of them",
+    )
+    pipeline.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
+    pipeline.add_argument("--out", type=Path, default=Path("runs/pipeline"), help="for pictures")
+    stereo = _verb(benches, "stereo", "matchers on stereo pairs with true disparity", _bench_stereo)
+    stereo.add_argument(
+        "--pairs", type=Path, required=True, metavar="DIR", help="see docs in models/"
+    )
+    stereo.add_argument("--matchers", default="", help="comma-separated; default: all")
+    stereo.add_argument("--out", type=Path, default=Path("runs/stereo"), help="for pictures")
+
+    check = _verb(
+        verbs, "check", "is this machine ready to drive? every finding has a remedy", _check
+    )
+    check.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
+
+    ask = _verb(verbs, "ask", "ask a running robot: start, pause, resume, stop, dock", _ask)
+    ask.add_argument("verb", metavar="REQUEST")
+    ask.add_argument("args", nargs="*")
+    ask.add_argument("--socket", type=Path, default=Path("/run/sweeper/control.sock"))
+
+    wheels = verbs.add_parser("wheels", help="talk to the motor controller: stop")
+    controls = wheels.add_subparsers(title="controls", metavar="CONTROL", required=True)
+    stop = _verb(
+        controls, "stop", "stop the wheels at the motor controller and latch it", _wheels_stop
+    )
+    stop.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
+    return top
+
+
+def _verb(
+    verbs: Any, name: str, summary: str, function: Callable[[argparse.Namespace], int]
+) -> argparse.ArgumentParser:
+    verb: argparse.ArgumentParser = verbs.add_parser(
+        name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.", epilog=EXIT_CODES
+    )
+    verb.add_argument("--json", metavar="FILE", help="write the result as JSON; - for stdout")
+    verb.set_defaults(function=function)
+    return verb
+
+
+def _add_run_options(verb: argparse.ArgumentParser) -> None:
+    verb.set_defaults(frames=False)
+    verb.add_argument("--body", choices=("sim", "live"), default="sim", help="default: sim")
+    verb.add_argument("--scene", default="flat", help="built-in scene, TOML, GLB or OBJ (sim)")
+    verb.add_argument("--seed", type=int, default=1, help="of every chance in the simulator")
+    verb.add_argument("--duration-s", type=float, help="end after this much robot time")
+    verb.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
+    verb.add_argument("--out", type=Path, default=Path("runs"), help="folder of run folders")
+    verb.add_argument("--no-progress", action="store_true", help="no progress bar")
+    verb.add_argument("--real-time", action="store_true", help="no faster than the clock (sim)")
+    verb.add_argument("--socket", type=Path, help="control socket of the live robot")
+
+
+# ---------------------------------------------------------------------- verbs
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from robot.body.cleaning import RunOptions, run_cleaning
+    from robot.config import load_config
+    from robot.progress import Progress, print_summary
+
+    if arguments.duration_s is not None and arguments.duration_s <= 0:
+        raise SweeperError(f"--duration-s {arguments.duration_s}: give more than 0 seconds.")
+    with Progress(enabled=not arguments.no_progress and sys.stderr.isatty()) as progress:
+        summary = run_cleaning(
+            RunOptions(
+                body=arguments.body,
+                scene=arguments.scene,
+                seed=arguments.seed,
+                duration_s=arguments.duration_s,
+                out=arguments.out,
+                frames=arguments.frames,
+                wait=arguments.wait,
+                real_time=arguments.real_time,
+                socket=arguments.socket,
+            ),
+            load_config(arguments.config),
+            progress.update,
+        )
+    if arguments.json != "-":
+        print_summary(summary)
+    _write_json(arguments.json, summary)
+    return EXIT_DONE if summary["state"] != "error" else EXIT_FAILED
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    from robot.body.replayed import replay
+
+    result = replay(arguments.log, from_frames=arguments.source == "frames")
+    _write_json(arguments.json, result.as_json())
+    if arguments.json != "-":
+        print(result.sentence())
+    return EXIT_DONE if result.identical else EXIT_FAILED
+
+
+def _bench_pipeline(arguments: argparse.Namespace) -> int:
+    from robot.bench.pipeline import bench_pipeline
+    from robot.config import load_config
+    from robot.progress import print_table
+
+    result = bench_pipeline(arguments.frames, load_config(arguments.config), arguments.out)
+    if arguments.json != "-":
+        print_table("pipeline", result["sequences"])
+    _write_json(arguments.json, result)
+    return EXIT_DONE
+
+
+def _bench_stereo(arguments: argparse.Namespace) -> int:
+    from robot.bench.stereo import bench_stereo
+    from robot.progress import print_table
+
+    matchers = [m for m in arguments.matchers.split(",") if m]
+    result = bench_stereo(arguments.pairs, matchers or None, arguments.out)
+    if arguments.json != "-":
+        print_table("stereo", [row for row in result["rows"] if row["pair"] is None])
+    _write_json(arguments.json, result)
+    return EXIT_DONE
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from robot.body.check import check
+    from robot.config import load_config
+    from robot.progress import print_table
+
+    findings = check(load_config(arguments.config))
+    if arguments.json != "-":
+        print_table("check", findings)
+    _write_json(arguments.json, {"checks": findings})
+    return EXIT_FAILED if any(f["level"] == "error" for f in findings) else EXIT_DONE
+
+
+def _ask(arguments: argparse.Namespace) -> int:
+    from robot.body.control import ask
+
+    answer = ask(arguments.socket, arguments.verb, arguments.args)
+    if arguments.json != "-":
+        print(answer.get("reason", ""))
+    _write_json(arguments.json, answer)
+    return EXIT_DONE if answer.get("accepted") else EXIT_USAGE
+
+
+def _wheels_stop(arguments: argparse.Namespace) -> int:
+    from robot.body.check import stop_motors
+    from robot.config import load_config
+
+    sentence = stop_motors(load_config(arguments.config))
+    _write_json(arguments.json, {"stopped": True, "reason": sentence})
+    if arguments.json != "-":
+        print(sentence)
+    return EXIT_DONE
+
+
+def _write_json(target: str | None, result: dict[str, Any]) -> None:
+    if target is None:
+        return
+    text = json.dumps(result, indent=2, allow_nan=False)
+    if target == "-":
+        print(text)
+        return
+    try:
+        Path(target).write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise SweeperError(
+            f"--json {target}: cannot be written ({error.strerror}); give a writable path or -."
+        ) from None
+
+
+if __name__ == "__main__":
+    sys.exit(main())
