@@ -77,11 +77,34 @@ class PerceptionConfig(Section):
 class SlamConfig(Section):
     """The EKF and its association."""
 
+    # odometry
     wheel_noise_m_per_sqrt_m: Positive = 0.01  # random walk of each wheel's travel
     wheel_scale_sigma: NotNegative = 0.02  # how wrong a wheel's diameter may be, relative
-    gyro_noise_rad_per_sqrt_s: Positive = 0.003
+    gyro_noise_rad_per_sqrt_s: Positive = 0.002
     gyro_bias_sigma_radps: NotNegative = 0.02  # before the first standstill
-    gyro_bias_walk: NotNegative = 0.0002  # rad/s per sqrt(s)
+    gyro_bias_walk: NotNegative = 0.0001  # rad/s per sqrt(s)
+    slip_chi2: Positive = 12.0  # above: the wheels turned without the floor
+    # association
+    noise_factor: Positive = 2.0  # covariances of landmarks: their errors last for many frames
+    gate_chi2: Positive = 11.8  # two degrees of freedom
+    huber_chi2: Positive = 4.0  # beyond, a sight counts less
+    height_gate_m: Positive = 0.05
+    height_gate_slope: NotNegative = 0.04  # metres per metre of range
+    max_hamming: Annotated[int, Meta(ge=0, le=256)] = 45  # of 256 bits
+    hamming_weight: NotNegative = 0.1  # chi2 per bit
+    ambiguity: NotNegative = 2.0  # a second choice must cost this much more
+    consensus: Count = 4  # agreeing pairs before a landmark is found again
+    # the map
+    max_landmarks: Count = 180
+    max_observations: Count = 30  # used of one frame
+    provisional_sightings: Count = 6
+    init_range_m: Positive = 3.0
+    spacing_m: NotNegative = 0.15
+    sectors: Count = 6
+    landmarks_per_sector: Count = 4
+    min_move_m: NotNegative = 0.02  # a frame from the same place teaches nothing
+    min_turn_rad: NotNegative = 0.03
+    # health
     degraded_sigma_m: Positive = 0.3  # one sigma of the position along its worse direction
     lost_sigma_m: Positive = 1.0
 
@@ -224,9 +247,7 @@ def parse_config(text: str, name: str = "config.toml") -> Config:
     except msgspec.ValidationError as error:
         what, _, where = str(error).partition(" - at ")
         key = where.strip("`").removeprefix("$.") or "the top level"
-        raise ConfigError(
-            f"{name}: {what} (at {key}); correct or remove that key."
-        ) from None
+        raise ConfigError(f"{name}: {what} (at {key}); correct or remove that key.") from None
     except msgspec.DecodeError as error:
         raise ConfigError(f"{name}: not valid TOML: {error}; correct that line.") from None
 

@@ -1,0 +1,199 @@
+"""Which sight shows which landmark.
+
+A followed track keeps its landmark. A new one is compared with all landmarks by place (the
+innovation's Mahalanobis distance), height and signature. All pairs of a frame must then agree:
+each pair in turn is taken as true, the others are predicted given it (with the filter's own
+correlations), and the hypothesis under which they fit best wins. This is the one-point RANSAC of
+Civera et al., "1-Point RANSAC for EKF Filtering" (J. Field Robotics 2010), run over every pair
+instead of a random few, so that it is deterministic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot.config import SlamConfig
+from robot.slam.catalogue import Catalogue, Observations
+from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
+from robot.slam.sensor import expected, residual, wrap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairs:
+    """p sights (`seen`) with the landmarks they may show, linearised for the filter."""
+
+    seen: np.ndarray  # (p,) index among the observations
+    landmark: np.ndarray  # (p,)
+    fresh: np.ndarray  # (p,) bool: found by signature now, not by its track
+    residual: np.ndarray  # (p, 2)
+    noise: np.ndarray  # (p, 2, 2)
+    columns: np.ndarray  # (p, 5) state entries
+    jacobian: np.ndarray  # (p, 2, 5)
+    hp: np.ndarray  # (2 p, n) H P
+    hph: np.ndarray  # (2 p, 2 p) H P H^T
+
+    def __len__(self) -> int:
+        return len(self.seen)
+
+    def select(self, kept: np.ndarray) -> Pairs:
+        """Only the pairs of the mask or the indices `kept`."""
+        kept = np.flatnonzero(kept) if kept.dtype == bool else kept
+        rows = (2 * kept[:, None] + np.arange(2)).reshape(-1)
+        return Pairs(
+            self.seen[kept],
+            self.landmark[kept],
+            self.fresh[kept],
+            self.residual[kept],
+            self.noise[kept],
+            self.columns[kept],
+            self.jacobian[kept],
+            self.hp[rows],
+            self.hph[np.ix_(rows, rows)],
+        )
+
+
+def pair_up(
+    ekf: LandmarkFilter, catalogue: Catalogue, seen: Observations, config: SlamConfig
+) -> Pairs:
+    """All plausible pairs: by track, then by place and signature; one sight per landmark."""
+    bound = catalogue.bound(seen.track)
+    by_track = np.flatnonzero(bound >= 0)
+    _, first = np.unique(bound[by_track], return_index=True)
+    by_track = by_track[np.sort(first)]
+    free = np.flatnonzero(bound < 0)
+    found, landmark = _candidates(ekf, catalogue, seen, free, bound[by_track], config)
+    index = np.concatenate([by_track, found])
+    target = np.concatenate([bound[by_track], landmark])
+    fresh = np.arange(len(index)) >= len(by_track)
+    return _linearise(ekf, seen, index, target, fresh)
+
+
+def _linearise(
+    ekf: LandmarkFilter,
+    seen: Observations,
+    index: np.ndarray,
+    landmark: np.ndarray,
+    fresh: np.ndarray,
+) -> Pairs:
+    polar, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks()[landmark])
+    first = FIRST_LANDMARK + 2 * landmark[:, None]
+    columns = np.hstack([np.tile(np.arange(3), (len(index), 1)), first, first + 1])
+    jacobian = np.concatenate([by_pose, by_point], axis=2)
+    hp, hph = ekf.innovation(columns, jacobian)
+    away = residual(seen.polar[index], polar)
+    return Pairs(index, landmark, fresh, away, seen.cov[index], columns, jacobian, hp, hph)
+
+
+def _candidates(
+    ekf: LandmarkFilter,
+    catalogue: Catalogue,
+    seen: Observations,
+    free: np.ndarray,
+    taken: np.ndarray,
+    config: SlamConfig,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sights among `free` and the landmark that alone fits each by place and looks."""
+    none = np.zeros(0, dtype=int)
+    if not len(free) or not len(catalogue):
+        return none, none
+    distance = _mahalanobis(ekf, seen, free)
+    fits = distance < config.gate_chi2
+    fits &= seen.kind[free][:, None] == catalogue.kinds()[None]
+    rise = np.abs(seen.height_m[free][:, None] - catalogue.heights_m()[None])
+    reach = config.height_gate_m + config.height_gate_slope * seen.polar[free, 0]
+    fits &= ~(rise > reach[:, None])  # an unknown height excludes nothing
+    fits[:, taken] = False
+    rows = np.flatnonzero(fits.any(axis=1))
+    if not len(rows):
+        return none, none
+    bits = catalogue.hamming(seen.bits[free[rows]])
+    fits = fits[rows] & (bits <= config.max_hamming)
+    cost = np.where(fits, distance[rows] + config.hamming_weight * bits, np.inf)
+    return _unambiguous(cost, free[rows], config.ambiguity)
+
+
+def _unambiguous(
+    cost: np.ndarray, index: np.ndarray, margin: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cheapest pairs first; a sight or landmark whose second choice is as good stays unmatched."""
+    cost = cost.copy()
+    found: list[int] = []
+    landmark: list[int] = []
+    while np.isfinite(cost).any():
+        row, column = divmod(int(np.argmin(cost)), cost.shape[1])
+        best = cost[row, column]
+        cost[row, column] = np.inf
+        rival = min(cost[row].min(), cost[:, column].min())
+        if rival >= best + margin:
+            found.append(int(index[row]))
+            landmark.append(column)
+        cost[row] = np.inf
+        cost[:, column] = np.inf
+    return np.array(found, dtype=int), np.array(landmark, dtype=int)
+
+
+def _mahalanobis(ekf: LandmarkFilter, seen: Observations, index: np.ndarray) -> np.ndarray:
+    """Squared Mahalanobis distances (len(index), n) of sights to all landmarks."""
+    polar, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks())
+    n = len(polar)
+    cross = ekf.P[POSE, FIRST_LANDMARK:].reshape(3, n, 2).transpose(1, 0, 2)
+    mixed = by_pose @ cross @ by_point.transpose(0, 2, 1)
+    spread = by_pose @ ekf.P[POSE, POSE] @ by_pose.transpose(0, 2, 1)
+    spread += mixed + mixed.transpose(0, 2, 1)
+    spread += by_point @ ekf.landmark_covs() @ by_point.transpose(0, 2, 1)
+    away = seen.polar[index][:, None, :] - polar[None]
+    away[..., 1] = wrap(away[..., 1])
+    return _quadratic(away, spread[None] + seen.cov[index][:, None])
+
+
+def _quadratic(vector: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """v^T M^-1 v for arrays of 2-vectors and symmetric (2, 2) matrices."""
+    a, b, c = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
+    x, y = vector[..., 0], vector[..., 1]
+    return (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
+
+
+def agreement(pairs: Pairs, gate_chi2: float, unfelt: np.ndarray) -> np.ndarray:
+    """Squared distances (p,) of all pairs under the best one-pair hypothesis.
+
+    `unfelt` (3, k): directions and sizes of pose errors that the filter does not expect (slip);
+    they widen the prior here and only here.
+    """
+    p = len(pairs)
+    if p == 0:
+        return np.zeros(0)
+    swing = pairs.jacobian[:, :, :3].reshape(2 * p, 3) @ unfelt
+    joint = (pairs.hph + swing @ swing.T).reshape(p, 2, p, 2).transpose(0, 2, 1, 3)
+    each = np.arange(p)
+    own = joint[each, each] + pairs.noise
+    gain = joint @ np.linalg.inv(own)[None]  # [j, i]: what i teaches about j
+    away = pairs.residual[:, None] - (gain @ pairs.residual[None, :, :, None])[..., 0]
+    spread = own[:, None] - gain @ joint.transpose(1, 0, 2, 3)
+    away[each, each] = pairs.residual
+    spread[each, each] = own
+    distance = _quadratic(away, spread)
+    determinant = spread[..., 0, 0] * spread[..., 1, 1] - spread[..., 0, 1] ** 2
+    floor = np.linalg.det(pairs.noise)[:, None]
+    cost = np.minimum(distance + np.log(np.maximum(determinant / floor, 1e-9)), gate_chi2 + 3.0)
+    return distance[:, int(np.argmin(cost.sum(axis=0)))]
+
+
+def unfelt_motion(pairs: Pairs, directions: np.ndarray) -> tuple[float, np.ndarray]:
+    """Test whether the pose moved along `directions` (3, k) without the odometry feeling it.
+
+    Returns the generalised likelihood ratio (chi-square of k degrees of freedom where it did not)
+    and the most likely move (3,). Willsky and Jones, IEEE Trans. Automatic Control 1976.
+    """
+    p = len(pairs)
+    spread = pairs.hph.copy()
+    for i in range(p):
+        spread[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += pairs.noise[i]
+    swing = pairs.jacobian[:, :, :3].reshape(2 * p, 3) @ directions
+    # A pose error of +move leaves h(true) - h(estimate) = J move.
+    weighted = np.linalg.solve(spread, np.column_stack([swing, pairs.residual.reshape(-1)]))
+    information = swing.T @ weighted[:, :-1]
+    pull = swing.T @ weighted[:, -1]
+    move = np.linalg.solve(information, pull)
+    return float(pull @ move), directions @ move

@@ -1,0 +1,132 @@
+"""What is known of a landmark besides its place: kind, height, signatures, sightings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robot.messages import Landmark
+
+BITS = 256
+_KINDS = {"point": 0, "edge": 1}
+_MAX_SIGNATURES = 5
+_NEW_SIGNATURE_BITS = 20  # a view that differs by less teaches nothing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """The landmarks of one frame as arrays; bits are -1 and 1, so that a product counts them."""
+
+    polar: np.ndarray  # (m, 2)
+    cov: np.ndarray  # (m, 2, 2)
+    kind: np.ndarray  # (m,)
+    height_m: np.ndarray  # (m,), NaN unknown
+    track: np.ndarray  # (m,), -1 not followed
+    bits: np.ndarray  # (m, 256) float32
+
+    def __len__(self) -> int:
+        return len(self.polar)
+
+
+def collect(landmarks: Sequence[Landmark], noise_factor: float) -> Observations:
+    """Arrays of the points and edges among `landmarks`, covariances times `noise_factor`."""
+    used = [
+        seen
+        for seen in landmarks
+        if seen.kind in _KINDS and seen.range_m > 0.0 and len(seen.signature) == BITS // 8
+    ]
+    raw = np.frombuffer(b"".join(seen.signature for seen in used), dtype=np.uint8)
+    bits = np.unpackbits(raw.reshape(len(used), BITS // 8), axis=1).astype(np.float32)
+    return Observations(
+        np.array([(seen.range_m, seen.bearing_rad) for seen in used]).reshape(-1, 2),
+        noise_factor * np.array([seen.cov for seen in used]).reshape(-1, 2, 2),
+        np.array([_KINDS[seen.kind] for seen in used], dtype=int),
+        np.array([seen.height_m for seen in used]),
+        np.array([seen.track_id for seen in used], dtype=int),
+        2.0 * bits - 1.0,
+    )
+
+
+@dataclass(slots=True, eq=False)
+class Entry:
+    """One landmark of the filter; `index` is its place there."""
+
+    index: int
+    kind: int
+    height_m: float
+    bits: list[np.ndarray]
+    sightings: int
+    visits: int  # times it was found again by its signature
+    last_seen_ns: int
+    refused: int = 0  # sightings in a row that did not fit
+
+    def learn(self, bits: np.ndarray, height_m: float, t_ns: int) -> None:
+        """Take in a sighting that fitted."""
+        self.sightings += 1
+        self.last_seen_ns = t_ns
+        self.refused = 0
+        if np.isfinite(height_m):
+            weight = 1.0 / min(self.sightings, 50)
+            known = np.isfinite(self.height_m)
+            self.height_m = (
+                self.height_m + weight * (height_m - self.height_m) if known else height_m
+            )
+        if len(self.bits) < _MAX_SIGNATURES and all(
+            BITS - bits @ known_bits > 2 * _NEW_SIGNATURE_BITS for known_bits in self.bits
+        ):
+            self.bits.append(bits)
+
+
+@dataclass(slots=True, eq=False)
+class Catalogue:
+    """Entries in the filter's order, and which track shows which entry."""
+
+    entries: list[Entry] = field(default_factory=list)
+    by_track: dict[int, Entry] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def add(self, kind: int, height_m: float, bits: np.ndarray, track: int, t_ns: int) -> None:
+        """Append the entry of a landmark that was appended to the filter."""
+        entry = Entry(len(self.entries), kind, height_m, [bits], 1, 1, t_ns)
+        self.entries.append(entry)
+        if track >= 0:
+            self.by_track[track] = entry
+
+    def keep(self, kept: np.ndarray) -> None:
+        """Forget all entries but `kept`, as the filter did."""
+        self.entries = [self.entries[int(i)] for i in kept]
+        alive = set(map(id, self.entries))
+        for index, entry in enumerate(self.entries):
+            entry.index = index
+        self.by_track = {t: e for t, e in self.by_track.items() if id(e) in alive}
+
+    def forget_tracks(self, present: np.ndarray) -> None:
+        """Drop the tracks that are not followed any more; their numbers never come back."""
+        alive = set(present.tolist())
+        self.by_track = {t: e for t, e in self.by_track.items() if t in alive}
+
+    def bound(self, track: np.ndarray) -> np.ndarray:
+        """Landmark index (m,) of each track, -1 where it is not known."""
+        found = (self.by_track.get(t) for t in track.tolist())
+        return np.array([-1 if entry is None else entry.index for entry in found], dtype=int)
+
+    def kinds(self) -> np.ndarray:
+        """Kind (n,) of each landmark."""
+        return np.array([entry.kind for entry in self.entries], dtype=int)
+
+    def heights_m(self) -> np.ndarray:
+        """Height (n,) of each landmark, NaN unknown."""
+        return np.array([entry.height_m for entry in self.entries], dtype=float)
+
+    def hamming(self, bits: np.ndarray) -> np.ndarray:
+        """Smallest Hamming distance (m, n) of signatures (m, 256) to each landmark's."""
+        if not self.entries:
+            return np.zeros((len(bits), 0))
+        bank = np.stack([b for entry in self.entries for b in entry.bits])
+        first = np.cumsum([0, *(len(entry.bits) for entry in self.entries[:-1])])
+        agree = np.maximum.reduceat(bits @ bank.T, first, axis=1)
+        return 0.5 * (BITS - agree)

@@ -1,0 +1,198 @@
+"""What a frame teaches: corrections by known landmarks, and which landmarks are kept."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robot.config import SlamConfig
+from robot.messages import Marker
+from robot.slam.association import Pairs, agreement, pair_up, unfelt_motion
+from robot.slam.catalogue import Catalogue, Observations
+from robot.slam.ekf import MARKER, POSE, YAW, LandmarkFilter
+from robot.slam.provisional import Waiting
+from robot.slam.sensor import expected_marker, locate, locate_marker, residual
+
+_MARKER_GATE_CHI2 = 16.3  # 99.9 % of three degrees of freedom
+_ANY_MOVE_CHI2 = 30.0  # three degrees of freedom: pushed or turned by somebody
+_REFUSALS = 4  # sightings that do not fit before a track loses its landmark
+_GHOST_NS = 4_000_000_000
+_MIN_SIGHTINGS = 5
+_PRUNE_NS = 1_000_000_000
+
+
+class LandmarkMap:
+    """The measuring half of the filter: associate, test, correct, add, forget."""
+
+    def __init__(self, config: SlamConfig, ekf: LandmarkFilter) -> None:
+        self._config = config
+        self._ekf = ekf
+        self._catalogue = Catalogue()
+        self._waiting = Waiting(config)
+        self._marker_known = False
+        self._pruned_ns = 0
+
+    def correct(self, seen: Observations, t_ns: int, travel_m: float) -> None:
+        """Correct pose and landmarks by one frame; `travel_m` was rolled since the last one."""
+        self._catalogue.forget_tracks(seen.track)
+        pairs = pair_up(self._ekf, self._catalogue, seen, self._config)
+        used = self._apply(pairs, seen, t_ns, travel_m)
+        self._grow(seen, used, t_ns)
+        if t_ns - self._pruned_ns > _PRUNE_NS:
+            self._pruned_ns = t_ns
+            self._prune(t_ns)
+
+    def correct_by_marker(self, marker: Marker) -> None:
+        """Anchor to the dock's marker: its first sight places it, later ones correct the pose."""
+        pose = marker.base_from_marker
+        seen = np.array([pose.x_m, pose.y_m, pose.yaw_rad])
+        if not self._marker_known:
+            self._ekf.place_marker(*locate_marker(self._ekf.x[POSE], seen), marker.cov)
+            self._marker_known = True
+            return
+        predicted, jacobian = expected_marker(self._ekf.x[POSE], self._ekf.x[MARKER])
+        columns = np.array([[0, 1, 2, *range(MARKER.start, MARKER.stop)]])
+        away = residual(seen[None], predicted[None])
+        hp, hph = self._ekf.innovation(columns, jacobian[None])
+        chi2 = float(away[0] @ np.linalg.solve(hph + marker.cov, away[0]))
+        if chi2 < _MARKER_GATE_CHI2:
+            self._ekf.update(columns, jacobian[None], away, marker.cov[None], (hp, hph))
+
+    # ------------------------------------------------------------ correcting
+
+    def _apply(self, pairs: Pairs, seen: Observations, t_ns: int, travel_m: float) -> np.ndarray:
+        """Update by the pairs that agree; returns which sights (m,) are spoken for."""
+        spoken_for = np.zeros(len(seen), dtype=bool)
+        spoken_for[pairs.seen[~pairs.fresh]] = True
+        yaw = self._ekf.x[YAW]
+        forward = np.array([[math.cos(yaw)], [math.sin(yaw)], [0.0]])
+        distance = agreement(pairs, self._config.gate_chi2, 0.5 * travel_m * forward)
+        fits = distance < self._config.gate_chi2
+        if fits.sum() < self._config.consensus:
+            fits &= ~pairs.fresh
+        for i in np.flatnonzero(~fits & ~pairs.fresh).tolist():
+            self._refuse(int(seen.track[pairs.seen[i]]))
+        good = pairs.select(self._best(fits, seen, pairs))
+        if len(good):
+            self._feel(good, forward)
+            weight = self._weights(good)
+            self._ekf.update(
+                good.columns,
+                good.jacobian,
+                good.residual,
+                good.noise / weight[:, None, None],
+                self._ekf.innovation(good.columns, good.jacobian),
+            )
+        for i in np.flatnonzero(fits).tolist():
+            self._learn(pairs, i, seen, t_ns)
+            spoken_for[pairs.seen[i]] = True
+        return spoken_for
+
+    def _best(self, fits: np.ndarray, seen: Observations, pairs: Pairs) -> np.ndarray:
+        """At most `max_observations` of the pairs that fit, nearest first."""
+        index = np.flatnonzero(fits)
+        order = np.argsort(seen.polar[pairs.seen[index], 0], kind="stable")
+        return np.sort(index[order[: self._config.max_observations]])
+
+    def _feel(self, pairs: Pairs, forward: np.ndarray) -> None:
+        """Widen the pose where the landmarks show motion that the odometry did not feel."""
+        if len(pairs) < self._config.consensus:
+            return
+        ratio, move = unfelt_motion(pairs, forward)
+        if ratio < self._config.slip_chi2:
+            ratio, move = unfelt_motion(pairs, np.eye(3))
+            if ratio < _ANY_MOVE_CHI2:
+                return
+        self._ekf.inflate(np.outer(move, move))
+
+    def _weights(self, pairs: Pairs) -> np.ndarray:
+        """Huber's weights (p,) from each pair's own innovation."""
+        hph = self._ekf.innovation(pairs.columns, pairs.jacobian)[1]
+        p = len(pairs)
+        own = hph.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + pairs.noise
+        chi2 = np.einsum("pi,pij,pj->p", pairs.residual, np.linalg.inv(own), pairs.residual)
+        return np.minimum(1.0, np.sqrt(self._config.huber_chi2 / np.maximum(chi2, 1e-9)))
+
+    def _refuse(self, track: int) -> None:
+        entry = self._catalogue.by_track[track]
+        entry.refused += 1
+        if entry.refused >= _REFUSALS:
+            del self._catalogue.by_track[track]
+            entry.refused = 0
+
+    def _learn(self, pairs: Pairs, i: int, seen: Observations, t_ns: int) -> None:
+        entry = self._catalogue.entries[int(pairs.landmark[i])]
+        sight, track = int(pairs.seen[i]), int(seen.track[pairs.seen[i]])
+        if pairs.fresh[i]:
+            entry.visits += t_ns - entry.last_seen_ns > _GHOST_NS
+            if track >= 0:
+                self._catalogue.by_track[track] = entry
+                self._waiting.drop(np.array([track]))
+        entry.learn(seen.bits[sight], float(seen.height_m[sight]), t_ns)
+
+    # ------------------------------------------------------------ growing and forgetting
+
+    def _grow(self, seen: Observations, spoken_for: np.ndarray, t_ns: int) -> None:
+        """Let unknown sights wait, and append the ripe ones where few landmarks are in view."""
+        index = np.flatnonzero(~spoken_for & (seen.polar[:, 0] < self._config.init_range_m))
+        places, _, by_polar = locate(self._ekf.x[POSE], seen.polar[index])
+        covs = by_polar @ seen.cov[index] @ by_polar.transpose(0, 2, 1)
+        ripe = self._waiting.confirm(seen, index, places, covs, t_ns)
+        chosen = self._choose(seen, ripe, spoken_for)
+        if not len(chosen):
+            return
+        position, by_pose, by_seen = locate(self._ekf.x[POSE], seen.polar[chosen])
+        self._ekf.add(position, by_pose, by_seen, seen.cov[chosen])
+        for i in chosen.tolist():
+            self._catalogue.add(
+                int(seen.kind[i]), float(seen.height_m[i]), seen.bits[i], int(seen.track[i]), t_ns
+            )
+        self._waiting.drop(seen.track[chosen])
+
+    def _choose(self, seen: Observations, ripe: np.ndarray, spoken_for: np.ndarray) -> np.ndarray:
+        """Spread new landmarks over the view and the room; the nearest first."""
+        sectors = self._config.sectors
+        part = np.clip((seen.polar[:, 1] + 0.65) / 1.3 * sectors, 0, sectors - 1).astype(int)
+        crowd = np.bincount(part[spoken_for], minlength=sectors)
+        places, _, _ = locate(self._ekf.x[POSE], seen.polar)
+        known = list(zip(self._ekf.landmarks(), self._catalogue.heights_m(), strict=True))
+        chosen: list[int] = []
+        for i in ripe[np.argsort(seen.polar[ripe, 0], kind="stable")].tolist():
+            if crowd[part[i]] >= self._config.landmarks_per_sector:
+                continue
+            if any(self._same_place(places[i], seen.height_m[i], *other) for other in known):
+                continue
+            known.append((places[i], seen.height_m[i]))
+            crowd[part[i]] += 1
+            chosen.append(i)
+        return np.array(chosen, dtype=int)
+
+    def _same_place(
+        self, place: np.ndarray, height_m: float, other: np.ndarray, other_height_m: float
+    ) -> bool:
+        near = math.hypot(*(place - other)) < self._config.spacing_m
+        return near and not abs(height_m - other_height_m) > self._config.height_gate_m
+
+    def _prune(self, t_ns: int) -> None:
+        """Drop ghosts, and the least useful landmarks beyond the bound."""
+        entries = self._catalogue.entries
+        idle = np.array([t_ns - entry.last_seen_ns for entry in entries])
+        sightings = np.array([entry.sightings for entry in entries])
+        ghost = (sightings < _MIN_SIGHTINGS) & (idle > _GHOST_NS)
+        kept = np.flatnonzero(~ghost)
+        surplus = len(kept) - self._config.max_landmarks
+        if surplus > 0:
+            kept = kept[np.sort(np.argsort(self._value(t_ns)[kept], kind="stable")[surplus:])]
+        if len(kept) < len(entries):
+            self._ekf.keep(kept)
+            self._catalogue.keep(kept)
+
+    def _value(self, t_ns: int) -> np.ndarray:
+        """How useful each landmark (n,) is: found again often, seen often, alone, in view now."""
+        entries = self._catalogue.entries
+        places = self._ekf.landmarks()
+        near = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1)) < 0.3
+        value = np.array([e.visits + min(e.sightings, 100) / 50.0 for e in entries])
+        in_view = np.array([t_ns - e.last_seen_ns < _GHOST_NS for e in entries])
+        return value / near.sum(axis=1) + 100.0 * in_view

@@ -1,0 +1,139 @@
+"""Motion between two frames from whatever feels it, with slip and standstill recognised.
+
+A wheel that spins rolls further than the floor passes: where the wheels' turn contradicts the
+gyro's, the wheel that ran ahead is replaced by what gyro and the other wheel say.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot.config import RobotConfig, SlamConfig
+from robot.geometry.se2 import SE2
+from robot.messages import VisualMotion
+from robot.slam.history import Mark, OdometryBuffer
+from robot.slam.motion import (
+    GYRO_BIAS,
+    LEFT_SCALE,
+    RIGHT_SCALE,
+    Increment,
+    OdometryNoise,
+    Steps,
+    visual_increment,
+    wheel_increment,
+)
+
+_STILL_M = 0.0003  # about one encoder count
+_STILL_RADPS = 0.05
+_STILL_COV = np.diag([1e-5, 1e-5, 1e-5]) ** 2
+_RESOLUTION_M = 0.0005  # of a wheel's travel, once per interval
+_TRACK_ERROR = 0.02  # relative: contact points are not where the drawing puts them
+_SLIP_SIGMAS = 4.0
+_BLIND_MPS, _BLIND_RADPS = 0.3, 1.0  # how fast the robot may move when nothing measures it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Interval:
+    """Motion over one interval and what it says about the calibration."""
+
+    increment: Increment
+    travel_m: float  # rolled by the faster wheel
+    still: bool = False
+    slipped: bool = False
+    gyro_yaw_rad: float | None = None
+    wheel_yaw_rad: float | None = None  # None where there are no wheels
+    wheel_yaw_by_scale: tuple[float, float] = (0.0, 0.0)  # by the left and right scale error
+    wheel_yaw_var: float = 0.0
+
+
+class Odometry:
+    """Turns buffered samples into motion."""
+
+    def __init__(self, config: SlamConfig, robot: RobotConfig) -> None:
+        self.buffer = OdometryBuffer()
+        self._noise = OdometryNoise(
+            config.wheel_noise_m_per_sqrt_m, config.gyro_noise_rad_per_sqrt_s, robot.track_width_m
+        )
+
+    def since(
+        self, mark: Mark, t_ns: int, calibration: np.ndarray, visual: VisualMotion | None = None
+    ) -> Interval | None:
+        """Motion from `mark` to `t_ns`; None where nothing felt it."""
+        if self.buffer.has_wheels(mark.t_ns, t_ns):
+            return self._by_wheels(self.buffer.steps(mark, t_ns), calibration)
+        if visual is None:
+            return None
+        gyro = self.buffer.gyro_yaw_rad(mark, t_ns)
+        span_s = (t_ns - mark.t_ns) * 1e-9
+        if gyro is not None:
+            gyro -= float(calibration[GYRO_BIAS]) * span_s
+        var = self._noise.gyro_rad_per_sqrt_s**2 * span_s
+        increment = visual_increment(visual.previous_from_current, visual.cov, gyro, var)
+        motion = increment.previous_from_current
+        return Interval(increment, math.hypot(motion.x_m, motion.y_m), gyro_yaw_rad=gyro)
+
+    @staticmethod
+    def blind(motion: SE2, span_s: float) -> Interval:
+        """A guess of the motion, with the noise of not knowing."""
+        wide = np.array([_BLIND_MPS, _BLIND_MPS, _BLIND_RADPS]) * span_s
+        increment = Increment(motion, np.zeros((3, 3)), np.diag(wide**2))
+        return Interval(increment, _BLIND_MPS * span_s)
+
+    def _by_wheels(self, steps: Steps, calibration: np.ndarray) -> Interval:
+        left = float(steps.left_m.sum()) * (1.0 + float(calibration[LEFT_SCALE]))
+        right = float(steps.right_m.sum()) * (1.0 + float(calibration[RIGHT_SCALE]))
+        travel = max(abs(left), abs(right))
+        span_s = float(steps.duration_s.sum())
+        gyro = None if steps.yaw_rad is None else float(steps.yaw_rad.sum())
+        if gyro is None:
+            return Interval(wheel_increment(steps, calibration, self._noise), travel)
+        turn = gyro - float(calibration[GYRO_BIAS]) * span_s
+        if travel < _STILL_M and abs(turn) < _STILL_RADPS * span_s:
+            stay = Increment(SE2(), np.zeros((3, 3)), _STILL_COV)
+            return Interval(stay, 0.0, still=True, gyro_yaw_rad=gyro)
+        width = self._noise.track_width_m
+        wheel_yaw = (right - left) / width
+        var = self._wheel_yaw_var(left, right, turn, span_s)
+        excess_m = (turn - wheel_yaw) * width  # what the left wheel rolled too far
+        slipped = abs(turn - wheel_yaw) > _SLIP_SIGMAS * math.sqrt(var)
+        if slipped:
+            increment = self._without_slip(steps, calibration, left, right, excess_m)
+        else:
+            increment = wheel_increment(steps, calibration, self._noise)
+        by_scale = (-float(steps.left_m.sum()) / width, float(steps.right_m.sum()) / width)
+        return Interval(increment, travel, False, slipped, gyro, wheel_yaw, by_scale, var)
+
+    def _wheel_yaw_var(self, left: float, right: float, turn: float, span_s: float) -> float:
+        """Variance of (wheels' turn - gyro's turn) while nothing slips."""
+        rolled = self._noise.wheel_m_per_sqrt_m**2 * (abs(left) + abs(right))
+        wheels = (rolled + 2.0 * _RESOLUTION_M**2) / self._noise.track_width_m**2
+        return wheels + self._noise.gyro_rad_per_sqrt_s**2 * span_s + (_TRACK_ERROR * turn) ** 2
+
+    def _without_slip(
+        self, steps: Steps, calibration: np.ndarray, left: float, right: float, excess_m: float
+    ) -> Increment:
+        """Shorten the wheel that ran ahead; in doubt half each. The distance stays doubtful."""
+        shorter_left = abs(left - excess_m) - abs(left)
+        shorter_right = abs(right + excess_m) - abs(right)
+        doubt = abs(shorter_left - shorter_right) < 0.5 * abs(excess_m)
+        share = 0.5 if doubt else float(shorter_left < shorter_right)
+        trimmed = replace(
+            steps,
+            left_m=_rescaled(steps.left_m, -share * excess_m),
+            right_m=_rescaled(steps.right_m, (1.0 - share) * excess_m),
+        )
+        increment = wheel_increment(trimmed, calibration, self._noise)
+        cov = increment.cov.copy()
+        cov[0, 0] += (0.25 * excess_m) ** 2
+        return replace(increment, cov=cov)
+
+
+def _rescaled(travel_m: np.ndarray, change_m: float) -> np.ndarray:
+    """Travel (n,) whose sum grew by `change_m`, spread like the travel itself."""
+    size = np.abs(travel_m)
+    total = float(size.sum())
+    share = size / total if total > 0.0 else np.full(len(size), 1.0 / len(size))
+    return travel_m + change_m * share
