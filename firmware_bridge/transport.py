@@ -158,27 +158,28 @@ class SerialTransport:
             self.close(f"the port has gone ({error})")
 
     def write(self, data: bytes) -> bool:
-        """Send `data`, or drop it where the line is full."""
-        if not self._push(self._unsent) or not self._push(data):
+        """Send `data`, or drop it where the line is full: half a frame is never left behind."""
+        if self._unsent:
+            self._unsent = self._unsent[self._push(self._unsent) :]
+        if self._unsent:
             return False
-        return self.is_open
+        taken = self._push(data)
+        self._unsent = data[taken:] if taken else b""
+        return taken > 0
 
-    def _push(self, data: bytes) -> bool:
-        """Hand `data` to the line; what it takes only in part goes first next time."""
+    def _push(self, data: bytes) -> int:
+        """Hand `data` to the line; how many bytes of it were taken."""
         if self._serial is None:
-            return False
-        if not data:
-            return True
+            return 0
         try:
             taken = os.write(self._serial.fileno(), data)
         except BlockingIOError:
-            return False
+            return 0
         except OSError as error:
             self.close(f"the port has gone ({error})")
-            return False
+            return 0
         self.bytes_sent += taken
-        self._unsent = data[taken:]
-        return data is not self._unsent and taken > 0
+        return taken
 
 
 class MemoryTransport:

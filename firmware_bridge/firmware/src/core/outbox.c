@@ -7,7 +7,7 @@ void outbox_send(struct outbox *box, const uint8_t *body, uint8_t length)
     uint8_t frame[FRAME_MAX_ENCODED];
     uint8_t size = frame_encode(body, length, frame);
     uint8_t head = box->head;
-    uint8_t free_bytes = (uint8_t)(box->tail - head - 1u);
+    uint8_t free_bytes = (uint8_t)((unsigned)box->tail - head - 1u);
     if (size > free_bytes) {
         box->dropped++;
         return;

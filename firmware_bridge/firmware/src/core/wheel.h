@@ -8,6 +8,7 @@
 
 struct wheel {
     int32_t past_ticks[SPEED_WINDOW]; /* ring: the oldest stands at `oldest` */
+    int32_t past_um_s[SPEED_WINDOW]; /* set-points of the same periods */
     uint8_t oldest;
     int32_t target_um_s;   /* what was ordered */
     int32_t setpoint_um_s; /* the target after the slew limit */

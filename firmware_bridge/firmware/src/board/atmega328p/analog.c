@@ -1,0 +1,65 @@
+/* Cliff sensors, battery and motor current: one conversion after the other, never waited for. */
+#include <avr/io.h>
+
+#include "board/atmega328p/parts.h"
+#include "board/atmega328p/pins.h"
+#include "wire/messages.h"
+
+#define CHANNELS 6u
+#define CLIFF_ABOVE 600u   /* no echo: the phototransistor's pull-up wins, as with a broken wire */
+#define BATTERY_FULL_MV 25000u /* 5 V behind a divider by 5 */
+#define CURRENT_FULL_MA 10000u /* 5 V behind a shunt amplifier of 0.5 V/A */
+
+static const uint8_t channels[CHANNELS] = {0, 1, 2, 3, ADC_BATTERY, ADC_CURRENT};
+static uint16_t samples[CHANNELS];
+static uint8_t at;
+
+static void convert(uint8_t channel)
+{
+    ADMUX = (uint8_t)(_BV(REFS0) | channel);
+    ADCSRA = (uint8_t)(ADCSRA | _BV(ADSC));
+}
+
+/* Takes every channel once, so that nothing starts from a sample that was never taken. */
+void analog_start(void)
+{
+    ADCSRA = (uint8_t)(_BV(ADEN) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0)); /* 125 kHz */
+    convert(channels[0]);
+    for (uint8_t taken = 0; taken < CHANNELS;) {
+        if ((ADCSRA & _BV(ADSC)) == 0) {
+            analog_poll();
+            taken++;
+        }
+    }
+}
+
+void analog_poll(void)
+{
+    if ((ADCSRA & _BV(ADSC)) != 0) {
+        return;
+    }
+    samples[at] = ADC;
+    at = (uint8_t)((at + 1u) % CHANNELS);
+    convert(channels[at]);
+}
+
+uint8_t analog_cliffs(void)
+{
+    uint8_t bits = 0;
+    for (uint8_t i = 0; i < ADC_CLIFFS; i++) {
+        if (samples[i] > CLIFF_ABOVE) {
+            bits = (uint8_t)(bits | (WIRE_CONTACT_BIT_CLIFF_LEFT << i));
+        }
+    }
+    return bits;
+}
+
+uint16_t analog_battery_mv(void)
+{
+    return (uint16_t)(((uint32_t)samples[4] * BATTERY_FULL_MV) / 1024u);
+}
+
+int16_t analog_current_ma(void)
+{
+    return (int16_t)(((uint32_t)samples[5] * CURRENT_FULL_MA) / 1024u);
+}
