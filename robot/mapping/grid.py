@@ -1,0 +1,146 @@
+"""The occupancy grid: log-odds over a lattice that grows as the robot sees more.
+
+A stereo range has an error that grows with its square, so a hit is no point but a ramp: free
+evidence before the measured range, evidence of matter just behind it, nothing beyond (the idea of
+the signed distance of Curless and Levoy, SIGGRAPH 1996, put into log-odds). Summed over scans the
+ramps average out, and the front of a wall stands where their sum changes sign: unbiased, however
+noisy one range is.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robot.config import MappingConfig
+from robot.geometry.se2 import SE2
+from robot.mapping.raster import Window, grown, moved, window_around
+from robot.messages import Grid, Scan
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+
+
+class OccupancyGrid:
+    """What is free and what is not, in `world`."""
+
+    def __init__(self, config: MappingConfig) -> None:
+        self._config = config
+        self._window = Window(0, 0, 0, 0)
+        self._log_odds = np.zeros((0, 0), np.float32)
+        self._sticky = np.zeros((0, 0), bool)
+        step_m = config.resolution_m * 0.8
+        self._radii_m = np.arange(step_m / 2.0, config.max_range_m, step_m, dtype=np.float32)
+        # Evidence fades with the square of the distance, as the precision of stereo does.
+        near = np.minimum(1.0, (config.trusted_range_m / self._radii_m) ** 2)
+        self._trust = near.astype(np.float32)
+
+    def integrate(self, world_from_base: SE2, scan: Scan) -> None:
+        """Add one scan taken from `world_from_base`. Bearings with nothing known add nothing."""
+        window, flat, value = self._rays(world_from_base, scan)
+        if flat.size == 0 or not self._reserve(window):
+            return
+        cells = window.shape[0] * window.shape[1]
+        count = np.bincount(flat, minlength=cells)
+        # In one cell of one scan, matter outweighs the rays that pass beside it: a chair leg is
+        # thinner than a cell and must survive.
+        value = np.where(value > 0.0, value * np.float32(self._config.hit_over_free), value)
+        total = np.bincount(flat, weights=value, minlength=cells)
+        change = total / np.maximum(count, 1)
+        part = self._log_odds[self._window.slices(window)]
+        part += change.reshape(window.shape).astype(np.float32)
+        np.clip(part, -self._config.max_free, self._config.max_occupied, out=part)
+
+    def mark_obstacle(self, points_m: np.ndarray) -> None:
+        """Points (n, 2) in `world` where something was touched (bumper, cliff): stays for good."""
+        points = np.asarray(points_m, dtype=float).reshape(-1, 2)
+        points = points[np.isfinite(points).all(axis=1)]
+        if len(points) == 0:
+            return
+        res = self._config.resolution_m
+        low, high = points.min(axis=0), points.max(axis=0)
+        if self._reserve(window_around(low[0], low[1], high[0], high[1], res)):
+            index = np.floor(points / res).astype(int)
+            self._sticky[index[:, 1] - self._window.iy0, index[:, 0] - self._window.ix0] = True
+
+    def clear_footprint(self, world_from_base: SE2, radius_m: float) -> None:
+        """Where the robot stands there is floor; what was touched stays an obstacle."""
+        res, x, y = self._config.resolution_m, world_from_base.x_m, world_from_base.y_m
+        window = window_around(x - radius_m, y - radius_m, x + radius_m, y + radius_m, res)
+        if not self._reserve(window):
+            return
+        dx = (np.arange(window.ix0, window.ix1) + 0.5) * res - x
+        dy = (np.arange(window.iy0, window.iy1) + 0.5) * res - y
+        inside = dx[None, :] ** 2 + dy[:, None] ** 2 <= radius_m**2
+        part = self._log_odds[self._window.slices(window)]
+        part[inside] = np.minimum(part[inside], -2.0 * self._config.free_below)
+
+    def snapshot(self) -> Grid:
+        """The grid as a message, cut to what is known (at least one cell)."""
+        known = (self._log_odds <= -self._config.free_below) | self._sticky
+        occupied = (self._log_odds >= self._config.occupied_above) | self._sticky
+        cells = np.full(known.shape, UNKNOWN, np.int8)
+        cells[known] = FREE
+        cells[occupied] = OCCUPIED
+        rows = np.flatnonzero((cells != UNKNOWN).any(axis=1))
+        columns = np.flatnonzero((cells != UNKNOWN).any(axis=0))
+        res = self._config.resolution_m
+        if len(rows) == 0:
+            return Grid(res, 0.0, 0.0, np.full((1, 1), UNKNOWN, np.int8))
+        y0, y1, x0, x1 = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+        return Grid(
+            res,
+            (self._window.ix0 + int(x0)) * res,
+            (self._window.iy0 + int(y0)) * res,
+            np.ascontiguousarray(cells[y0:y1, x0:x1]),
+        )
+
+    def _rays(self, pose: SE2, scan: Scan) -> tuple[Window, np.ndarray, np.ndarray]:
+        """Cells under all rays: their window, flat index (n,) in it and evidence (n,)."""
+        config = self._config
+        nothing = (Window(0, 0, 0, 0), np.zeros(0, np.int64), np.zeros(0, np.float32))
+        range_m = np.asarray(scan.range_m, np.float32)
+        hit = np.isfinite(range_m) & (range_m > 0.0) & (range_m < config.max_range_m)
+        clear_m = np.nan_to_num(np.asarray(scan.clear_m, np.float32), nan=0.0, posinf=1e3)
+        # A range beyond the trusted distance still says that the way there is free.
+        far = np.isfinite(range_m) & (range_m >= config.max_range_m)
+        front_m = np.where(hit, range_m, np.where(far, config.max_range_m, clear_m))
+        sigma_m = np.hypot(config.resolution_m / 2.0, config.range_sigma_per_m2 * front_m**2)
+        end_m = np.where(hit, front_m + np.maximum(config.resolution_m, sigma_m), front_m)
+        use = end_m > 0.0
+        if not use.any() or not math.isfinite(pose.x_m + pose.y_m + pose.yaw_rad):
+            return nothing
+        front_m, sigma_m, end_m = front_m[use, None], sigma_m[use, None], end_m[use, None]
+        radii = self._radii_m[None, : int(np.searchsorted(self._radii_m, end_m.max()))]
+        ramp = np.clip((radii - front_m) / sigma_m, -1.0, 1.0)
+        value = np.where(ramp < 0.0, ramp * config.free_weight, ramp * config.hit_weight)
+        value *= self._trust[None, : radii.shape[1]]
+        bearing = pose.yaw_rad + np.asarray(scan.bearing_rad, float)[use, None]
+        scale = 1.0 / config.resolution_m
+        reach = float(radii[0, -1])
+        window = window_around(
+            pose.x_m - reach, pose.y_m - reach, pose.x_m + reach, pose.y_m + reach, 1.0 / scale
+        )
+        x0, y0 = pose.x_m * scale - window.ix0, pose.y_m * scale - window.iy0
+        ix = (np.float32(x0) + radii * (np.cos(bearing) * scale).astype(np.float32)).astype(
+            np.int32
+        )
+        iy = (np.float32(y0) + radii * (np.sin(bearing) * scale).astype(np.float32)).astype(
+            np.int32
+        )
+        flat = iy * np.int32(window.shape[1]) + ix
+        touched = radii < end_m
+        return window, flat[touched], value[touched]
+
+    def _reserve(self, wanted: Window) -> bool:
+        """Make room for `wanted`; False (and no change) where it lies absurdly far away."""
+        limit = int(self._config.max_extent_m / self._config.resolution_m)
+        if max(-wanted.ix0, -wanted.iy0, wanted.ix1, wanted.iy1) > limit:
+            return False
+        if self._log_odds.size and self._window.contains(wanted):
+            return True
+        new = grown(self._window if self._log_odds.size else wanted, wanted)
+        self._log_odds = moved(self._log_odds, self._window, new)
+        self._sticky = moved(self._sticky, self._window, new)
+        self._window = new
+        return True

@@ -1,0 +1,200 @@
+"""Where the robot's centre may be: the grid turned along the walls, with distances to matter.
+
+Everything the planner draws happens in the plan frame: the grid turned by the walls' dominant
+direction, so that lanes are rows and columns, in cells of at most `PLAN_CELL_M`. Points there are
+float cells (x, y), (0, 0) being the centre of the first cell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from robot.config import PlanningConfig, RobotConfig
+from robot.geometry.se2 import SE2
+from robot.messages import Grid
+
+PLAN_CELL_M = 0.025
+_ESCAPE_M = 0.6  # how far the robot may stand from the nearest place where it fits
+_POCKET_M2 = 0.01  # unknown specks inside free floor are floor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Space:
+    """The plan frame's layers, all of one shape (rows = y, columns = x)."""
+
+    cell_m: float
+    world_from_plan: SE2  # metric plan frame, its origin at the centre of cell (0, 0)
+    clearance_m: np.ndarray  # float32: to the nearest occupied cell's edge
+    need_m: float  # clearance that the centre needs
+    free: np.ndarray  # bool: known and free
+    unknown: np.ndarray  # bool
+    centres: np.ndarray  # bool: reachable robot centres
+    floor: np.ndarray  # bool: what the brush reaches from them
+    uncovered: np.ndarray  # bool: reachable floor not swept yet
+    start: np.ndarray  # (2,) cells: where the robot is
+    entry: np.ndarray  # (2,) cells: nearest reachable centre
+    heading_rad: float
+
+    def to_world(self, points: np.ndarray) -> np.ndarray:
+        """Cells (n, 2) to metres in `world`."""
+        return self.world_from_plan.apply(np.asarray(points, float).reshape(-1, 2) * self.cell_m)
+
+    def to_plan(self, points_m: np.ndarray) -> np.ndarray:
+        """Metres in `world` (n, 2) to cells."""
+        points = np.asarray(points_m, float).reshape(-1, 2)
+        return self.world_from_plan.inverse().apply(points) / self.cell_m
+
+    def area_m2(self, mask: np.ndarray) -> float:
+        """Area of a mask of this space."""
+        return float(np.count_nonzero(mask)) * self.cell_m**2
+
+
+def disc(radius_cells: float) -> np.ndarray:
+    """Structuring element of all cells whose centre is within `radius_cells`."""
+    n = math.floor(radius_cells + 1e-6)
+    y, x = np.mgrid[-n : n + 1, -n : n + 1]
+    return (x * x + y * y <= (radius_cells + 1e-6) ** 2).astype(np.uint8)
+
+
+def distance_m(blocked: np.ndarray, cell_m: float) -> np.ndarray:
+    """From each cell's centre to the edge of the nearest blocked cell, metres (float32)."""
+    if not blocked.any():
+        return np.full(blocked.shape, 1e3, np.float32)
+    clear = np.where(blocked, 0, 255).astype(np.uint8)
+    cells = cv2.distanceTransform(clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return (cells - 0.5) * np.float32(cell_m)
+
+
+def wall_direction_rad(occupied: np.ndarray) -> float:
+    """Dominant direction of walls in [-pi/4, pi/4); 0 where there is none or nearly none.
+
+    The mean of the edges' gradient directions, angles counted four times so that opposite and
+    perpendicular walls agree (Mardia and Jupp, Directional Statistics, 2000, section 2.2).
+    """
+    image = cv2.GaussianBlur(occupied.astype(np.float32), (0, 0), 1.5)
+    gx = cv2.Sobel(image, cv2.CV_32F, 1, 0).astype(float)
+    gy = cv2.Sobel(image, cv2.CV_32F, 0, 1).astype(float)
+    weight = gx * gx + gy * gy
+    angle = 4.0 * np.arctan2(gy, gx)
+    c, s, total = (weight * np.cos(angle)).sum(), (weight * np.sin(angle)).sum(), weight.sum()
+    if total <= 0.0 or math.hypot(c, s) < 0.2 * total:
+        return 0.0
+    theta = math.atan2(s, c) / 4.0
+    # Lanes need not follow every wobble of a growing map.
+    return 0.0 if abs(theta) < math.radians(2.5) else round(math.degrees(theta)) * math.pi / 180.0
+
+
+def without_pockets(unknown: np.ndarray, max_cells: int) -> np.ndarray:
+    """Unknown cells less the small enclosed groups of them."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(unknown.astype(np.uint8), connectivity=8)
+    large = stats[:, cv2.CC_STAT_AREA] > max_cells
+    large[0] = False
+    return large[labels]
+
+
+def build_space(
+    grid: Grid, covered: np.ndarray, start: SE2, planning: PlanningConfig, robot: RobotConfig
+) -> Space | None:
+    """The plan frame for `start`; None where the robot fits nowhere near it."""
+    res = grid.resolution_m
+    occupied, unknown = grid.cells >= 50, grid.cells < 0
+    unknown = without_pockets(unknown, round(_POCKET_M2 / res**2))
+    pad = math.ceil(0.3 / res)  # outside the grid nothing is known
+    occupied = np.pad(occupied, pad)
+    unknown = np.pad(unknown, pad, constant_values=True)
+    covered = np.pad(covered, pad)
+    clearance, seen = distance_m(occupied, res), distance_m(unknown, res)
+    origin = np.array([grid.origin_x_m, grid.origin_y_m]) - pad * res
+
+    cell_m = res / math.ceil(res / PLAN_CELL_M - 1e-9)
+    warp, world_from_plan, size = _plan_frame(
+        occupied.shape, origin, res, cell_m, wall_direction_rad(occupied)
+    )
+    nearest = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    linear = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    clearance = cv2.warpAffine(clearance, warp, size, flags=linear, borderValue=1e3)
+    seen = cv2.warpAffine(seen, warp, size, flags=linear, borderValue=-1.0)
+    matter = cv2.warpAffine(
+        occupied.astype(np.uint8), warp, size, flags=nearest, borderValue=0
+    ).astype(bool)
+    unseen = cv2.warpAffine(
+        unknown.astype(np.uint8), warp, size, flags=nearest, borderValue=1
+    ).astype(bool)
+    swept = cv2.warpAffine(
+        covered.astype(np.uint8), warp, size, flags=nearest, borderValue=0
+    ).astype(bool)
+
+    need_m = robot.radius_m + planning.margin_m
+    fits = (clearance >= need_m) & (seen >= planning.unknown_clearance_m)
+    here = world_from_plan.inverse() @ start
+    at = np.array([here.x_m, here.y_m]) / cell_m
+    entry = _entry(fits, matter, at, _ESCAPE_M / cell_m)
+    if entry is None:
+        return None
+    _, labels = cv2.connectedComponents(fits.astype(np.uint8), connectivity=8)
+    centres = labels == labels[entry[1], entry[0]]
+    brush = disc(robot.brush_width_m / 2.0 / cell_m)
+    floor = cv2.dilate(centres.astype(np.uint8), brush).astype(bool) & ~matter & ~unseen
+    return Space(
+        cell_m,
+        world_from_plan,
+        clearance,
+        need_m,
+        ~matter & ~unseen,
+        unseen,
+        centres,
+        floor,
+        floor & ~swept,
+        at,
+        np.array(entry, float),
+        here.yaw_rad,
+    )
+
+
+def _plan_frame(
+    shape: tuple[int, int], origin: np.ndarray, res: float, cell_m: float, theta: float
+) -> tuple[np.ndarray, SE2, tuple[int, int]]:
+    """Affine map from plan cells to grid cells, its metric pose, and (width, height)."""
+    high, wide = shape
+    c, s = math.cos(theta), math.sin(theta)
+    corners = np.array([[0, 0], [wide, 0], [0, high], [wide, high]], float) * res
+    turned = corners @ np.array([[c, -s], [s, c]])  # each row: R(-theta) p
+    low, high_m = turned.min(axis=0), turned.max(axis=0)
+    size = np.ceil((high_m - low) / cell_m - 1e-6).astype(int)
+    first = low + cell_m / 2.0  # centre of plan cell (0, 0) in the turned frame
+    at = origin + np.array([c * first[0] - s * first[1], s * first[0] + c * first[1]])
+    world_from_plan = SE2(float(at[0]), float(at[1]), theta)
+    k = cell_m / res
+    offset = (at - origin) / res - 0.5
+    warp = np.array([[k * c, -k * s, offset[0]], [k * s, k * c, offset[1]]])
+    return warp, world_from_plan, (int(size[0]), int(size[1]))
+
+
+def _entry(
+    fits: np.ndarray, matter: np.ndarray, at: np.ndarray, reach: float
+) -> tuple[int, int] | None:
+    """The nearest fitting cell (x, y) that a straight line reaches without meeting matter."""
+    high, wide = fits.shape
+    x0, x1 = max(0, int(at[0] - reach)), min(wide, int(at[0] + reach) + 2)
+    y0, y1 = max(0, int(at[1] - reach)), min(high, int(at[1] + reach) + 2)
+    if x0 >= x1 or y0 >= y1:
+        return None
+    ys, xs = np.nonzero(fits[y0:y1, x0:x1])
+    if len(xs) == 0:
+        return None
+    xs, ys = xs + x0, ys + y0
+    far = np.hypot(xs - at[0], ys - at[1])
+    order = np.argsort(far, kind="stable")
+    order = order[far[order] <= reach]
+    for i in order[:: max(1, len(order) // 200)]:
+        n = max(2, int(far[i]) + 1)
+        lx = np.rint(np.linspace(at[0], xs[i], n)).astype(int).clip(0, wide - 1)
+        ly = np.rint(np.linspace(at[1], ys[i], n)).astype(int).clip(0, high - 1)
+        # The first cells may be the wall that the robot leans on.
+        if not matter[ly, lx][min(n - 1, 3) :].any():
+            return int(xs[i]), int(ys[i])
+    return None

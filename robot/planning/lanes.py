@@ -1,0 +1,164 @@
+"""Lanes to and fro over what the edge pass leaves: boustrophedon cells.
+
+A region is swept by parallel rows. Rows are grouped into cells: a run of lane follows the run
+before it as long as each overlaps only the other (Choset, Autonomous Robots 2000, at the
+granularity of lanes). The direction of a region is the one with the lower cost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from robot.config import PlanningConfig
+from robot.planning.costmap import Space
+
+_NECK_M = 0.35  # regions joined by less than this are swept apart
+_BRIDGE_M = 0.40  # swept gaps in a lane shorter than this are driven through
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cell:
+    """Runs of lane (n, 2, 2) in cells, in sweeping order; each from its low to its high end."""
+
+    runs: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class LaneRules:
+    """What lanes need to know, in cells."""
+
+    brush: float
+    spacing: float
+    bridge: int
+    turn: float
+    least_gain: int
+
+
+def lane_rules(space: Space, planning: PlanningConfig, brush_m: float) -> LaneRules:
+    """The rules for `space`."""
+    spacing_m = max(0.25 * brush_m, brush_m - planning.lane_overlap_m)
+    return LaneRules(
+        brush_m / space.cell_m,
+        spacing_m / space.cell_m,
+        round(_BRIDGE_M / space.cell_m),
+        planning.turn_cost_m / space.cell_m,
+        max(1, round(0.5 * planning.min_patch_m2 / space.cell_m**2)),
+    )
+
+
+def lane_cells(space: Space, todo: np.ndarray, rules: LaneRules) -> list[Cell]:
+    """Cells whose lanes sweep `todo` from reachable centres."""
+    cells: list[Cell] = []
+    labels, count = regions(todo, _NECK_M / space.cell_m)
+    for label in range(1, count):
+        ys, xs = np.nonzero(labels == label)
+        if len(xs) < rules.least_gain:
+            continue
+        margin = int(rules.brush)
+        y0, x0 = max(0, ys.min() - margin), max(0, xs.min() - margin)
+        box = (slice(y0, ys.max() + margin + 1), slice(x0, xs.max() + margin + 1))
+        corner = np.array([x0, y0], float)
+        part, centres = labels[box] == label, space.centres[box]
+        rows = _lanes(part, centres, rules)
+        columns = _lanes(part.T, centres.T, rules)
+        if _cost(columns, rules) < _cost(rows, rules):
+            cells += [Cell(c.runs[:, :, ::-1] + corner) for c in _grouped(columns, rules)]
+        else:
+            cells += [Cell(c.runs + corner) for c in _grouped(rows, rules)]
+    return cells
+
+
+def regions(todo: np.ndarray, neck: float) -> tuple[np.ndarray, int]:
+    """Label the parts of `todo` that hang together by more than `neck` cells; 0 is background."""
+    size = max(3, round(neck) | 1)
+    mask = todo.astype(np.uint8)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    core = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+    core_count, core_labels = cv2.connectedComponents(core, connectivity=4)
+    rest = mask & (1 - core)
+    if core_count > 1:
+        # Fringes belong to the core beside them; what is farther away stands alone.
+        far, nearest = cv2.distanceTransformWithLabels(
+            1 - core, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+        )
+        table = np.zeros(int(nearest.max()) + 1, core_labels.dtype)
+        table[nearest[core > 0]] = core_labels[core > 0]
+        fringe = (rest > 0) & (far <= size)
+        core_labels = np.where(fringe, table[nearest], core_labels)
+        rest[fringe] = 0
+    rest_count, rest_labels = cv2.connectedComponents(rest, connectivity=8)
+    labels = np.where(rest_labels > 0, rest_labels + (core_count - 1), core_labels)
+    return labels, core_count + rest_count - 1
+
+
+def _lanes(part: np.ndarray, centres: np.ndarray, rules: LaneRules) -> list[np.ndarray]:
+    """Runs (n, 3) of each row lane over `part`: y, first x, last x."""
+    rows = np.flatnonzero(part.any(axis=1))
+    low, high = int(rows[0]), int(rows[-1]) + 1
+    count = max(1, int(np.ceil((high - low) / rules.spacing - 1e-6)))
+    lanes = []
+    half = rules.brush / 2.0
+    for k in range(count):
+        y = low + (k + 0.5) * (high - low) / count - 0.5
+        row = round(y)
+        band = part[max(0, int(np.ceil(y - half))) : int(np.floor(y + half)) + 1]
+        gain = np.count_nonzero(band, axis=0)
+        drive = _nearest_row(centres, row)
+        lanes.append(_runs_of_lane(gain, centres[drive], drive, rules))
+    return lanes
+
+
+def _nearest_row(centres: np.ndarray, row: int) -> int:
+    return min(max(row, 0), centres.shape[0] - 1)
+
+
+def _runs_of_lane(gain: np.ndarray, fits: np.ndarray, row: int, rules: LaneRules) -> np.ndarray:
+    """Join the columns to sweep into runs through fitting cells."""
+    on = np.flatnonzero((gain > 0) & fits)
+    if len(on) == 0:
+        return np.zeros((0, 3))
+    blocked = np.concatenate([[0], np.cumsum(~fits)])
+    split = (np.diff(on) > rules.bridge) | (blocked[on[1:]] != blocked[on[:-1]])
+    cuts = np.flatnonzero(split) + 1
+    groups = [g for g in np.split(on, cuts) if gain[g].sum() >= rules.least_gain]
+    return np.array([(row, g[0], g[-1]) for g in groups], float).reshape(-1, 3)
+
+
+def _cost(lanes: list[np.ndarray], rules: LaneRules) -> float:
+    """Length of all runs and of the two turns after each."""
+    runs = np.vstack(lanes)
+    if len(runs) == 0:
+        return float("inf")
+    return float((runs[:, 2] - runs[:, 1]).sum() + len(runs) * (2.0 * rules.turn + rules.spacing))
+
+
+def _grouped(lanes: list[np.ndarray], rules: LaneRules) -> list[Cell]:
+    """Chain runs of neighbouring lanes that overlap one to one."""
+    open_cells: list[list[np.ndarray]] = []
+    done: list[list[np.ndarray]] = []
+    for runs in lanes:
+        overlaps = [
+            [k for k, r in enumerate(runs) if r[1] <= cell[-1][2] and cell[-1][1] <= r[2]]
+            for cell in open_cells
+        ]
+        owners = [[c for c, over in enumerate(overlaps) if k in over] for k in range(len(runs))]
+        going: list[list[np.ndarray]] = []
+        for c, cell in enumerate(open_cells):
+            if len(overlaps[c]) == 1 and len(owners[overlaps[c][0]]) == 1:
+                cell.append(runs[overlaps[c][0]])
+                going.append(cell)
+            else:
+                done.append(cell)
+        for k, run in enumerate(runs):
+            if not (len(owners[k]) == 1 and len(overlaps[owners[k][0]]) == 1):
+                going.append([run])
+        open_cells = going
+    cells = []
+    for cell in done + open_cells:
+        runs = np.array(cell)
+        ends = np.stack([runs[:, [1, 0]], runs[:, [2, 0]]], axis=1)
+        cells.append(Cell(ends))
+    return cells

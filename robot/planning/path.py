@@ -1,0 +1,162 @@
+"""Routes: Dijkstra on a lattice of coarse nodes, then pulled straight on the fine clearance map.
+
+The lattice has one node per block of about 0.1 m, at the block's roomiest reachable centre, and
+edges where the straight line between two neighbours keeps the robot clear. (Dijkstra, Numerische
+Mathematik 1959; string pulling as any-angle smoothing, Nash and Koenig, AI Magazine 2013.)
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from robot.planning.costmap import Space
+
+_NODE_M = 0.10
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+class Lattice:
+    """Coarse graph over the reachable centres of a `Space`."""
+
+    def __init__(self, space: Space, soft_clearance_m: float) -> None:
+        self._space = space
+        self._block = max(1, round(_NODE_M / space.cell_m))
+        self._soft_m = max(soft_clearance_m, space.need_m + 1e-3)
+        self._tolerance_m = 0.5 * space.cell_m
+        self.points, self._node_of_block = self._nodes()
+        self._edges = self._connect()
+
+    def clear(self, a: np.ndarray, b: np.ndarray, need_m: float | None = None) -> bool:
+        """True if the robot can drive straight from `a` to `b` (cells)."""
+        n = max(2, int(math.hypot(b[0] - a[0], b[1] - a[1]) * 1.5) + 2)
+        x = np.rint(np.linspace(a[0], b[0], n)).astype(int)
+        y = np.rint(np.linspace(a[1], b[1], n)).astype(int)
+        need = self._space.need_m - self._tolerance_m if need_m is None else need_m
+        if not (self._space.clearance_m[y, x] >= need).all():
+            return False
+        return not self._space.unknown[y, x].any()
+
+    def node_at(self, point: np.ndarray) -> int:
+        """The nearest node, one in plain view of `point` if there is any among the nearest."""
+        far = np.hypot(self.points[:, 0] - point[0], self.points[:, 1] - point[1])
+        near = (
+            np.argsort(far, kind="stable")[:6] if len(far) > 6 else np.argsort(far, kind="stable")
+        )
+        for node in near:
+            if self.clear(point, self.points[node]):
+                return int(node)
+        return int(near[0])
+
+    def search(
+        self, source: int, stop: Callable[[int, float], bool]
+    ) -> tuple[dict[int, float], dict[int, int]]:
+        """Dijkstra from `source` until `stop(node, cost_cells)`; settled costs and parents."""
+        cost, parent = {source: 0.0}, {source: source}
+        done: dict[int, float] = {}
+        heap = [(0.0, source)]
+        edges = self._edges
+        while heap:
+            reached, node = heapq.heappop(heap)
+            if node in done:
+                continue
+            done[node] = reached
+            if stop(node, reached):
+                break
+            for other, length in edges[node]:
+                total = reached + length
+                if total < cost.get(other, math.inf):
+                    cost[other] = total
+                    parent[other] = node
+                    heapq.heappush(heap, (total, other))
+        return done, parent
+
+    def route(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
+        """Waypoints (n, 2) in cells from `start` to `goal`, both included; None if cut off."""
+        if self.clear(start, goal):
+            return np.array([start, goal])
+        source, target = self.node_at(start), self.node_at(goal)
+        done, parent = self.search(source, lambda node, _: node == target)
+        if target not in done:
+            return None
+        return self.pulled(start, self.trace(parent, target), goal)
+
+    def trace(self, parent: dict[int, int], target: int) -> list[int]:
+        """Nodes from the search's source to `target`."""
+        nodes = [target]
+        while parent[nodes[-1]] != nodes[-1]:
+            nodes.append(parent[nodes[-1]])
+        return nodes[::-1]
+
+    def pulled(self, start: np.ndarray, nodes: list[int], goal: np.ndarray) -> np.ndarray:
+        """The string from `start` along `nodes` to `goal`, pulled straight where there is room.
+
+        A shortcut may come as near to matter as the nodes it replaces, or to a hand's breadth.
+        """
+        points = np.vstack([start[None], self.points[nodes], goal[None]])
+        space = self._space
+        cells = np.rint(points).astype(int)
+        room = space.clearance_m[cells[:, 1], cells[:, 0]]
+        least = space.need_m - self._tolerance_m
+        kept, anchor, i = [points[0]], 0, 1
+        while i < len(points) - 1:
+            need = max(least, min(space.need_m + 0.05, float(room[anchor : i + 2].min())))
+            if not self.clear(points[anchor], points[i + 1], need):
+                kept.append(points[i])
+                anchor = i
+            i += 1
+        kept.append(points[-1])
+        return np.array(kept)
+
+    def _nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, 2) of the nodes, and the node's number (or -1) of each block."""
+        space, b = self._space, self._block
+        high, wide = space.centres.shape
+        rows, columns = -(-high // b), -(-wide // b)
+        room = np.full((rows * b, columns * b), -1.0, np.float32)
+        room[:high, :wide] = np.where(
+            space.centres, np.minimum(space.clearance_m, self._soft_m), -1
+        )
+        # Among equals the block's middle.
+        offset = np.abs(np.arange(b) - (b - 1) / 2.0)
+        tilt = np.float32(1e-4) * np.add.outer(offset, offset).astype(np.float32)
+        blocks = room.reshape(rows, b, columns, b).transpose(0, 2, 1, 3) - tilt
+        flat = blocks.reshape(rows, columns, b * b)
+        best = flat.argmax(axis=2)
+        valid = flat.max(axis=2) > 0.0
+        y, x = np.nonzero(valid)
+        inner = best[y, x]
+        points = np.stack([x * b + inner % b, y * b + inner // b], axis=1).astype(float)
+        number = np.full((rows, columns), -1, np.int64)
+        number[y, x] = np.arange(len(x))
+        return points, number
+
+    def _connect(self) -> list[list[tuple[int, float]]]:
+        """Neighbours and costs of each node: length, dearer near matter."""
+        space, number = self._space, self._node_of_block
+        rows, columns = number.shape
+        pairs = []
+        for dy, dx in _STEPS:
+            a = number[: rows - dy, max(0, -dx) : columns - max(0, dx)]
+            b = number[dy:, max(0, dx) : columns + min(0, dx)]
+            both = (a >= 0) & (b >= 0)
+            pairs.append(np.stack([a[both], b[both]], axis=1))
+        pair = np.vstack(pairs)
+        p, q = self.points[pair[:, 0]], self.points[pair[:, 1]]
+        t = np.linspace(0.0, 1.0, 2 * self._block + 1)[None, :]
+        x = np.rint(p[:, :1] + (q - p)[:, :1] * t).astype(int)
+        y = np.rint(p[:, 1:] + (q - p)[:, 1:] * t).astype(int)
+        room = space.clearance_m[y, x].min(axis=1)
+        good = (room >= space.need_m - self._tolerance_m) & ~space.unknown[y, x].any(axis=1)
+        pair, room = pair[good], room[good]
+        length = np.hypot(*(p - q)[good].T)
+        tight = np.clip((self._soft_m - room) / (self._soft_m - space.need_m), 0.0, 1.0)
+        cost = length * (1.0 + tight)
+        edges: list[list[tuple[int, float]]] = [[] for _ in range(len(self.points))]
+        for i, j, c in zip(*pair.T.tolist(), cost.tolist(), strict=True):
+            edges[i].append((j, c))
+            edges[j].append((i, c))
+        return edges

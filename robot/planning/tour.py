@@ -1,0 +1,150 @@
+"""The order of the work: always the piece that is cheapest to begin from where the robot will be.
+
+Cheap means near by the route that it must drive, straight ahead rather than behind, and an edge
+rather than the lanes inside it. As the first piece is the one at the robot's feet, plans made one
+after another over a growing map go on with the same work instead of running to and fro.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from robot.config import PlanningConfig
+from robot.planning.costmap import Space
+from robot.planning.edges import Chain
+from robot.planning.lanes import Cell
+from robot.planning.path import Lattice
+
+_LANES_LATER_M = 0.4
+_SLACK_M = 0.8  # how much farther than the nearest entry others are still compared
+
+
+def tour(
+    space: Space, lattice: Lattice, pieces: Sequence[Chain | Cell], planning: PlanningConfig
+) -> list[np.ndarray]:
+    """Polylines (n, 2) in cells that lead from the robot through every reachable piece in turn."""
+    return _Tour(space, lattice, pieces, planning).lines()
+
+
+class _Tour:
+    def __init__(
+        self,
+        space: Space,
+        lattice: Lattice,
+        pieces: Sequence[Chain | Cell],
+        planning: PlanningConfig,
+    ) -> None:
+        self._lattice = lattice
+        self._space = space
+        self._turn = planning.turn_cost_m / space.cell_m / (math.pi / 2.0)
+        self._later = _LANES_LATER_M / space.cell_m
+        self._slack = _SLACK_M / space.cell_m
+        self._ways = [_ways(piece) for piece in pieces]
+        self._later_of = [self._later if isinstance(p, Cell) else 0.0 for p in pieces]
+        self._entries: dict[int, list[tuple[int, int]]] = {}
+        for i, ways in enumerate(self._ways):
+            for w, way in enumerate(ways):
+                node = lattice.node_at(way[0])
+                self._entries.setdefault(node, []).append((i, w))
+
+    def lines(self) -> list[np.ndarray]:
+        at, heading = self._space.entry, self._space.heading_rad
+        left = set(range(len(self._ways)))
+        lines = []
+        while left:
+            found = self._next(at, heading, left)
+            if found is None:
+                break
+            piece, way, approach = found
+            line = self._driven(approach, self._ways[piece][way])
+            lines.append(line)
+            left.discard(piece)
+            at = line[-1]
+            if len(line) > 1:
+                heading = math.atan2(*(line[-1] - line[-2])[::-1])
+        return lines
+
+    def _next(
+        self, at: np.ndarray, heading: float, left: set[int]
+    ) -> tuple[int, int, np.ndarray] | None:
+        """The cheapest piece, its way, and the route to its entry."""
+        best: tuple[float, int, int, int] | None = None
+
+        def stop(node: int, cost: float) -> bool:
+            nonlocal best
+            if best is not None and cost > best[0] + self._slack:
+                return True
+            for piece, way in self._entries.get(node, ()):
+                if piece not in left:
+                    continue
+                line = self._ways[piece][way]
+                to_entry = line[0] - at
+                far = math.hypot(*to_entry)
+                towards = to_entry if far > 4.0 else line[1] - line[0]
+                turn = _turned(math.atan2(towards[1], towards[0]) - heading)
+                if far > 4.0:
+                    then = line[1] - line[0]
+                    turn += 0.5 * _turned(
+                        math.atan2(then[1], then[0]) - math.atan2(to_entry[1], to_entry[0])
+                    )
+                total = max(cost, far) + self._turn * turn + self._later_of[piece]
+                if best is None or total < best[0] - 1e-9:
+                    best = (total, piece, way, node)
+            return False
+
+        _, parent = self._lattice.search(self._lattice.node_at(at), stop)
+        if best is None:
+            return None
+        _, piece, way, node = best
+        entry = self._ways[piece][way][0]
+        if self._lattice.clear(at, entry):
+            return piece, way, np.array([at, entry])
+        return piece, way, self._lattice.pulled(at, self._lattice.trace(parent, node), entry)
+
+    def _driven(self, approach: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Approach and way in one line; legs of the way that are not clear go round."""
+        points = [p for p in approach]
+        for p in way:
+            last = points[-1]
+            if math.hypot(*(p - last)) < 0.2:
+                continue
+            if math.hypot(*(p - last)) > 4.0 and not self._lattice.clear(last, p):
+                route = self._lattice.route(last, p)
+                if route is not None:
+                    points += list(route[1:])
+                    continue
+            points.append(p)
+        return np.array(points)
+
+
+def _turned(angle: float) -> float:
+    return abs((angle + math.pi) % (2.0 * math.pi) - math.pi)
+
+
+def _ways(piece: Chain | Cell) -> list[np.ndarray]:
+    """The polylines by which a piece can be driven."""
+    if isinstance(piece, Cell):
+        forward, ways = piece.runs, []
+        for runs in (forward, forward[::-1]):
+            for first in (0, 1):
+                ends = [run if (k + first) % 2 == 0 else run[::-1] for k, run in enumerate(runs)]
+                line = np.vstack(ends)
+                if len(runs) == 1 and np.allclose(line[0], line[1]):
+                    line = np.vstack([line[0], line[0] + (0.5, 0.0)])
+                ways.append(line)
+        return ways if len(forward) > 1 else ways[:2]
+    if not piece.closed:
+        return [piece.points, piece.points[::-1]]
+    ring = piece.points[:-1]
+    length = np.hypot(*np.diff(piece.points, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(length)])
+    ways = []
+    for mark in np.arange(0.0, along[-1], 16.0):
+        i = int(np.searchsorted(along, mark))
+        turned = np.roll(ring, -(i % len(ring)), axis=0)
+        loop = np.vstack([turned, turned[:1]])
+        ways += [loop, loop[::-1]]
+    return ways
