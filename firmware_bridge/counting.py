@@ -1,6 +1,10 @@
-"""Counters of 32 bits that wrap, made endless."""
+"""Counting: 32-bit counters that wrap, made endless, and what has happened on the line."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+LATENCY_EDGES_MS = (1, 2, 5, 10, 15, 20, 30, 50, 100)
 
 _HALF = 1 << 31
 _FULL = 1 << 32
@@ -29,3 +33,24 @@ class EndlessCounter:
         """The counter has begun again at zero; the total goes on from where it stood."""
         if self._last is not None:
             self._last = 0
+
+
+@dataclass
+class LinkCounters:
+    """What has happened on the line since the start."""
+
+    frames: int = 0
+    crc_errors: int = 0
+    framing_errors: int = 0
+    unknown: int = 0  # valid frames that say nothing in this protocol
+    foreign: int = 0  # frames of another session
+    unsent: int = 0  # orders that could not go out
+    refused: int = 0  # orders the controller did not carry out
+    retries: int = 0
+    sessions: int = 0
+    opened: int = 0
+    latency: list[int] = field(default_factory=lambda: [0] * (len(LATENCY_EDGES_MS) + 1))
+
+    def waited(self, waited_ms: float) -> None:
+        """Note how long an order waited for its answer."""
+        self.latency[sum(waited_ms > edge for edge in LATENCY_EDGES_MS)] += 1

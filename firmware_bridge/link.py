@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from firmware_bridge.clock import ClockMap
 from firmware_bridge.codec import Packet, pack, unpack
-from firmware_bridge.counting import EndlessCounter
+from firmware_bridge.counting import EndlessCounter, LinkCounters
 from firmware_bridge.framing import FrameDecoder, encode_frame
 from firmware_bridge.messages import (
     LINK_TIMEOUT_MS,
@@ -43,26 +43,8 @@ RETRY_NS = 60 * MS
 SILENT_NS = LINK_TIMEOUT_MS * MS
 GIVE_UP_NS = 3000 * MS  # a port silent for this long is closed and looked for again
 CLEAR_TRIES = 5
-LATENCY_EDGES_MS = (1, 2, 5, 10, 15, 20, 30, 50, 100)
 
 Tap = Callable[[Literal["out", "in"], Packet], None]
-
-
-@dataclass
-class LinkCounters:
-    """What has happened on the line since the start."""
-
-    frames: int = 0
-    crc_errors: int = 0
-    framing_errors: int = 0
-    unknown: int = 0  # valid frames that say nothing in this protocol
-    foreign: int = 0  # frames of another session
-    unsent: int = 0  # orders that could not go out
-    refused: int = 0  # orders the controller did not carry out
-    retries: int = 0
-    sessions: int = 0
-    opened: int = 0
-    latency: list[int] = field(default_factory=lambda: [0] * (len(LATENCY_EDGES_MS) + 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,8 +273,7 @@ class Link:
         if sent_ns is None:
             return
         self._clock.observe(taken_us, sent_ns)
-        waited_ms = (now_ns - sent_ns) / MS
-        self._counters.latency[sum(waited_ms > edge for edge in LATENCY_EDGES_MS)] += 1
+        self._counters.waited((now_ns - sent_ns) / MS)
 
     def _settle(self, ack: Ack) -> None:
         if ack.result != Result.OK:

@@ -6,7 +6,7 @@
 void controller_start(struct controller *c, const struct identity *identity,
                       const struct inputs *in, uint32_t now_us)
 {
-    static const struct controller zero;
+    static const struct controller zero = {.session = 0};
     *c = zero;
     c->identity = *identity;
     c->in = *in;

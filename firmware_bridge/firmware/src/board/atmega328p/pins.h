@@ -1,4 +1,4 @@
-/* Arduino Nano/Uno pins. The wiring is on PROTOCOL.md's neighbour page, WIRING.md.
+/* Arduino Nano/Uno pins. The wiring is in firmware/WIRING.md.
  * Switches are normally closed to ground with a pull-up: a broken wire reads as pressed. */
 #ifndef BOARD_PINS_H
 #define BOARD_PINS_H
