@@ -52,7 +52,7 @@ def plan_coverage(space: Space, planning: PlanningConfig, robot: RobotConfig) ->
 def worthwhile(space: Space, mask: np.ndarray, planning: PlanningConfig) -> np.ndarray:
     """`mask` without slivers and specks that are not worth a trip."""
     size = max(1, round(planning.min_sliver_m / space.cell_m))
-    out = mask.astype(np.uint8)
+    out: np.ndarray = mask.astype(np.uint8)
     if size > 1:
         out = cv2.morphologyEx(out, cv2.MORPH_OPEN, np.ones((size, size), np.uint8))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(out, connectivity=8)

@@ -74,11 +74,11 @@ def lane_cells(space: Space, todo: np.ndarray, rules: LaneRules) -> list[Cell]:
 def regions(todo: np.ndarray, neck: float) -> tuple[np.ndarray, int]:
     """Label the parts of `todo` that hang together by more than `neck` cells; 0 is background."""
     size = max(3, round(neck) | 1)
-    mask = todo.astype(np.uint8)
+    mask: np.ndarray = todo.astype(np.uint8)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    core = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+    core: np.ndarray = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
     core_count, core_labels = cv2.connectedComponents(core, connectivity=4)
-    rest = mask & (1 - core)
+    rest = np.where(core > 0, 0, mask).astype(np.uint8)
     if core_count > 1:
         # Fringes belong to the core beside them; what is farther away stands alone.
         far, nearest = cv2.distanceTransformWithLabels(
