@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -128,8 +128,11 @@ class OdometryBuffer:
         """The interval since `start`, cut at every wheel sample."""
         times = self._left.t_ns
         cuts = times[bisect_right(times, start.t_ns) : bisect_left(times, end_ns)]
-        if math.isnan(start.left_m) or math.isnan(start.yaw_rad):
-            start = self.mark(start.t_ns)
+        if math.isnan(start.left_m):
+            begin = self.mark(start.t_ns)
+            start = replace(start, left_m=begin.left_m, right_m=begin.right_m)
+        if math.isnan(start.yaw_rad):
+            start = replace(start, yaw_rad=self.mark(start.t_ns).yaw_rad)
         marks = [start, *(self.mark(t_ns) for t_ns in cuts), self.mark(end_ns)]
         table = np.array([(m.t_ns - start.t_ns, m.left_m, m.right_m, m.yaw_rad) for m in marks])
         change = np.diff(table, axis=0)

@@ -32,7 +32,8 @@ _STILL_COV = np.diag([1e-5, 1e-5, 1e-5]) ** 2
 _RESOLUTION_M = 0.0005  # of a wheel's travel, once per interval
 _TRACK_ERROR = 0.02  # relative: contact points are not where the drawing puts them
 _SLIP_SIGMAS = 4.0
-_BLIND_MPS, _BLIND_RADPS = 0.3, 1.0  # how fast the robot may move when nothing measures it
+# How fast the robot may move when nothing measures it, and for how long the same way.
+_BLIND_MPS, _BLIND_RADPS, _BLIND_S = 0.3, 1.0, 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +79,7 @@ class Odometry:
     @staticmethod
     def blind(motion: SE2, span_s: float) -> Interval:
         """A guess of the motion, with the noise of not knowing."""
-        wide = np.array([_BLIND_MPS, _BLIND_MPS, _BLIND_RADPS]) * span_s
+        wide = np.array([_BLIND_MPS, _BLIND_MPS, _BLIND_RADPS]) * math.sqrt(span_s * _BLIND_S)
         increment = Increment(motion, np.zeros((3, 3)), np.diag(wide**2))
         return Interval(increment, _BLIND_MPS * span_s)
 

@@ -43,6 +43,7 @@ class Waiting:
         t_ns: int,
     ) -> np.ndarray:
         """Take in the sights `index`, at `places` (m, 2) with `covs`; return those now ripe."""
+        self._expire(t_ns)
         ripe = []
         for i, place, cov in zip(index.tolist(), places, covs, strict=True):
             candidate = self._find(seen, i, place, cov)
@@ -52,7 +53,8 @@ class Waiting:
             self._merge(candidate, place, cov, seen.bits[i], t_ns)
             if candidate.sightings >= self._config.provisional_sightings:
                 ripe.append(i)
-        self._forget(t_ns)
+        sightings = self._config.provisional_sightings
+        self._untracked = [c for c in self._untracked if c.sightings < sightings]
         return np.array(ripe, dtype=int)
 
     def drop(self, tracks: np.ndarray) -> None:
@@ -101,8 +103,7 @@ class Waiting:
         candidate.sightings += 1
         candidate.last_ns = t_ns
 
-    def _forget(self, t_ns: int) -> None:
+    def _expire(self, t_ns: int) -> None:
         oldest = t_ns - _FORGET_NS
         self._tracked = {t: c for t, c in self._tracked.items() if c.last_ns >= oldest}
-        ripe = self._config.provisional_sightings
-        self._untracked = [c for c in self._untracked if c.last_ns >= oldest and c.sightings < ripe]
+        self._untracked = [c for c in self._untracked if c.last_ns >= oldest]
