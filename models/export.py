@@ -1,0 +1,174 @@
+"""Weights to ONNX: `python -m models.export hybrid --weights training/hybrid/best.pt`.
+
+Writes `artifacts/<name>.onnx` and its entry in `manifest.toml`. The graph has batch
+normalisation folded in and constants computed, in standard operators only (opset 17); it runs on
+any machine. It is written only if ONNX Runtime gives what PyTorch gives.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import math
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from torch import nn
+
+from models import manifest
+from models.networks import Exported, build, fold_norms
+from models.networks.blocks import INPUT_MEAN, INPUT_SCALE, MAX_DISPARITY
+
+HEIGHT, WIDTH, OPSET = 240, 320, 17
+TOLERANCE_PX, LARGEST_BYTES = 0.02, 2_000_000
+ARTIFACTS = Path(__file__).resolve().parent / "artifacts"
+
+
+def load_network(name: str, weights: Path) -> nn.Module:
+    """A network with its weights, folded, in eval mode."""
+    network = build(name)
+    state = torch.load(weights, weights_only=True)
+    network.load_state_dict(state.get("network", state))
+    return fold_norms(network.eval())
+
+
+def _trace(network: nn.Module, path: Path) -> None:
+    blank = torch.zeros(1, 1, HEIGHT, WIDTH)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about the older exporter, which makes the leaner graph
+        torch.onnx.export(
+            Exported(network).eval(),
+            (blank, blank),
+            str(path),
+            opset_version=OPSET,
+            input_names=["left", "right"],
+            output_names=["disparity", "confidence"],
+            dynamo=False,
+        )
+
+
+def _simplify(source: Path, target: Path) -> None:
+    """Fold constants and remove what does nothing, with standard operators only."""
+    options = onnxruntime.SessionOptions()
+    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
+    options.optimized_model_filepath = str(target)
+    options.log_severity_level = 3
+    onnxruntime.InferenceSession(str(source), options, providers=["CPUExecutionProvider"])
+
+
+def multiplications(model: onnx.ModelProto) -> int:
+    """Multiply-accumulates of all convolutions for one pair."""
+    inferred = onnx.shape_inference.infer_shapes(model)
+    values = [*inferred.graph.value_info, *inferred.graph.output]
+    sizes = {v.name: math.prod(d.dim_value for d in v.type.tensor_type.shape.dim) for v in values}
+    weights = {i.name: list(i.dims) for i in inferred.graph.initializer}
+    total = 0
+    for node in inferred.graph.node:
+        if node.op_type == "Conv":
+            total += sizes[node.output[0]] * math.prod(weights[node.input[1]][1:])
+    return total
+
+
+def parity_px(network: nn.Module, data: bytes, seed: int = 0) -> float:
+    """Largest difference in disparity between PyTorch and ONNX Runtime on a random pair."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.uniform(0, 255, (2, HEIGHT // 8, WIDTH // 8)).astype(np.float32)
+    grey = np.kron(coarse, np.ones((8, 8), np.float32)) + rng.normal(0, 4, (2, HEIGHT, WIDTH))
+    eyes = ((grey - INPUT_MEAN) / INPUT_SCALE).astype(np.float32)[:, None, None]
+    session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
+    found = session.run(["disparity"], {"left": eyes[0], "right": eyes[1]})[0]
+    with torch.no_grad():
+        expected = network(torch.from_numpy(eyes[0]), torch.from_numpy(eyes[1])).disparity.numpy()
+    return float(np.abs(found - expected).max())
+
+
+def onnx_bytes(name: str, network: nn.Module) -> bytes:
+    """The exported model with its contract in the metadata."""
+    with tempfile.TemporaryDirectory() as folder:
+        raw, simple = Path(folder) / "raw.onnx", Path(folder) / "simple.onnx"
+        _trace(network, raw)
+        _simplify(raw, simple)
+        model = onnx.load(simple)
+    del model.opset_import[:]
+    model.opset_import.append(onnx.helper.make_opsetid("", OPSET))
+    model.producer_name, model.producer_version, model.doc_string = "sweeper", "", ""
+    contract = {
+        "name": name,
+        "size": f"{WIDTH}x{HEIGHT}",
+        "max_disparity_px": str(MAX_DISPARITY),
+        "preprocessing": f"(grey - {INPUT_MEAN:g}) / {INPUT_SCALE:g}",
+    }
+    onnx.helper.set_model_props(model, contract)
+    onnx.checker.check_model(model)
+    return model.SerializeToString()
+
+
+def export(name: str, weights: Path, training: dict[str, object], out: Path = ARTIFACTS) -> Path:
+    """Export one network and enter it in the manifest beside `out`. Returns the ONNX file.
+
+    Raises ValueError if PyTorch and ONNX Runtime differ or the file is too large.
+    """
+    network = load_network(name, weights)
+    data = onnx_bytes(name, network)
+    off = parity_px(network, data)
+    if off > TOLERANCE_PX:
+        raise ValueError(f"{name}: ONNX Runtime differs from PyTorch by {off:.3f} px")
+    if len(data) > LARGEST_BYTES:
+        raise ValueError(f"{name}: {len(data)} bytes are more than {LARGEST_BYTES}")
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / f"{name}.onnx"
+    path.write_bytes(data)
+    manifest.enter(
+        out.parent / "manifest.toml",
+        {
+            "name": name,
+            "file": f"{out.name}/{name}.onnx",
+            "sha256": hashlib.sha256(data).hexdigest(),
+            "bytes": len(data),
+            "width_px": WIDTH,
+            "height_px": HEIGHT,
+            "max_disparity_px": MAX_DISPARITY,
+            "preprocessing": f"(grey - {INPUT_MEAN:g}) / {INPUT_SCALE:g}",
+            "inputs": ["left", "right"],
+            "outputs": ["disparity", "confidence"],
+            "opset": OPSET,
+            "parameters": sum(p.numel() for p in network.parameters()),
+            "mmac": round(multiplications(onnx.load_from_string(data)) / 1e6, 1),
+            "parity_px": round(off, 6),
+            "licence": "MIT",
+            **training,
+        },
+    )
+    return path
+
+
+def trained(folder: Path) -> dict[str, object]:
+    """What `log.jsonl` says about the training: steps, minutes and pairs of each kind."""
+    lines = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
+    pairs = [f"{line['shapes']} shapes, {line['rooms']} rooms" for line in lines if "rooms" in line]
+    return {
+        "training_data": f"rendered pairs only: {pairs[-1] if pairs else 'a few'}",
+        "training_steps": lines[-1]["step"],
+        "training_minutes": round(lines[-1]["trained_s"] / 60, 1),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("name", choices=("hybrid", "hybrid_paper"))
+    parser.add_argument("--weights", type=Path, help="default: training/<name>/best.pt")
+    given = parser.parse_args()
+    folder = Path("training") / given.name
+    weights = given.weights or folder / "best.pt"
+    path = export(given.name, weights, trained(weights.parent))
+    print(f"{path}: {path.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()

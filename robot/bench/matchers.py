@@ -1,0 +1,124 @@
+"""The stereo matchers of the bench by name: networks of the manifest, SGBM and BM."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from robot.errors import DataError, ModelError
+
+MAX_DISPARITY = 64
+MODELS = Path(__file__).resolve().parents[2] / "models"
+CLASSICAL = ("sgbm", "sgbm_example", "bm")
+Match = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matcher:
+    """`match(left, right)`: grey uint8 (240, 320) to disparity float32 px, NaN where empty."""
+
+    name: str
+    match: Match
+    a53_minstr: float | None = None
+
+
+def _empty_as_nan(fixed: np.ndarray) -> np.ndarray:
+    """OpenCV's fixed point (1/16 px, negative where empty) to px with NaN."""
+    return np.where(fixed < 0, np.float32(np.nan), fixed.astype(np.float32) / 16)
+
+
+def _padded(compute: Match) -> Match:
+    """Give the left border something to search in: 64 replicated columns, cut off again."""
+
+    def match(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        wide = [
+            cv2.copyMakeBorder(i, 0, 0, MAX_DISPARITY, 0, cv2.BORDER_REPLICATE)
+            for i in (left, right)
+        ]
+        return _empty_as_nan(compute(wide[0], wide[1])[:, MAX_DISPARITY:])
+
+    return match
+
+
+def fair_sgbm() -> Match:
+    """SGBM configured as well as it deserves (3-way, small block, padded left border)."""
+    block = 3
+    engine = cv2.StereoSGBM.create(
+        0, MAX_DISPARITY, block, 4 * block**2, 16 * block**2, uniquenessRatio=10,
+        speckleWindowSize=100, speckleRange=2, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    )  # fmt: skip
+    return _padded(engine.compute)
+
+
+def example_sgbm() -> Match:
+    """The settings of OpenCV's own example, without padding."""
+    engine = cv2.StereoSGBM.create(
+        0, MAX_DISPARITY, 5, 8 * 25, 32 * 25, disp12MaxDiff=1, uniquenessRatio=10,
+        speckleWindowSize=100, speckleRange=32,
+    )  # fmt: skip
+    return lambda left, right: _empty_as_nan(engine.compute(left, right))
+
+
+def block_matching() -> Match:
+    """OpenCV's StereoBM with a window of 15, on the padded pair."""
+    engine = cv2.StereoBM.create(MAX_DISPARITY, 15)
+    return _padded(engine.compute)
+
+
+def read_manifest(models: Path) -> dict[str, Any]:
+    """`manifest.toml` of a models folder; ModelError if missing or malformed."""
+    path = models / "manifest.toml"
+    try:
+        manifest = tomllib.loads(path.read_text())
+        names = {n["name"] for n in manifest["networks"]}
+    except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError):
+        raise ModelError(f"{path} is missing or malformed; restore it from the release.") from None
+    if manifest.get("default") not in names:
+        raise ModelError(f"{path} names no default among its networks; restore it.")
+    return manifest
+
+
+def network(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
+    """A network of the manifest through ONNX Runtime. ModelError if it is not there or damaged."""
+    import onnxruntime
+
+    entries = {n["name"]: n for n in read_manifest(models)["networks"]}
+    if name not in entries:
+        known = ", ".join([*sorted(entries), *CLASSICAL])
+        raise ModelError(f"matcher {name!r} is not in {models / 'manifest.toml'}; use {known}.")
+    path = models / entries[name]["file"]
+    if not path.is_file():
+        raise ModelError(f"{path} is missing; restore it from the release.")
+    data = path.read_bytes()
+    if hashlib.sha256(data).hexdigest() != entries[name]["sha256"]:
+        raise ModelError(f"{path} does not match its sha256 in manifest.toml; restore both.")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+
+    def match(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        eyes = {
+            eye: ((image.astype(np.float32) - 128) / 64)[None, None]
+            for eye, image in (("left", left), ("right", right))
+        }
+        return session.run(["disparity"], eyes)[0][0, 0]
+
+    return Matcher(name, match, entries[name].get("a53_minstr"))
+
+
+def make_matcher(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
+    """Any matcher of the bench by name."""
+    classical = {"sgbm": fair_sgbm, "sgbm_example": example_sgbm, "bm": block_matching}
+    if name in classical:
+        return Matcher(name, classical[name]())
+    if name in ("similarity", "cost_volume", "given"):
+        raise DataError(f"matcher {name!r} is not built; use a network of the manifest or sgbm.")
+    return network(name, models, threads)

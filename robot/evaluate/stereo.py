@@ -1,0 +1,89 @@
+"""How far a disparity map is from the truth: bad-N, end-point error, density.
+
+Disparities are float (h, w) px at 320 wide, NaN where unknown. Truth counts where it is known and
+0 < d < 64. The measures are those of the KITTI (Geiger et al., CVPR 2012) and Middlebury
+(Scharstein and Szeliski, IJCV 2002) benchmarks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MAX_DISPARITY_PX = 64.0
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class StereoErrors:
+    """Shares in percent of the pixels with truth; an empty pixel is an error in bad-N.
+
+    `density_pct` is the share that has an estimate; `epe_px` is the mean absolute error over
+    those, NaN if there are none.
+    """
+
+    density_pct: float
+    bad1_pct: float
+    bad2_pct: float
+    bad3_pct: float
+    epe_px: float
+
+
+def countable(truth_px: np.ndarray) -> np.ndarray:
+    """Bool (h, w): pixels whose truth is known and within 0 < d < 64."""
+    known = np.isfinite(truth_px)
+    value = np.where(known, truth_px, 0.0)
+    return known & (value > 0) & (value < MAX_DISPARITY_PX)
+
+
+def stereo_errors(
+    estimate_px: np.ndarray, truth_px: np.ndarray, mask: np.ndarray | None = None
+) -> StereoErrors:
+    """Measure an estimate; `mask` bool (h, w) limits the pixels (None: all with truth).
+
+    Raises ValueError if the shapes differ. Without a single countable pixel all is NaN.
+    """
+    if estimate_px.shape != truth_px.shape:
+        raise ValueError(f"estimate {estimate_px.shape} and truth {truth_px.shape} differ in size")
+    counted = countable(truth_px) if mask is None else countable(truth_px) & mask
+    if not counted.any():
+        return StereoErrors(NAN, NAN, NAN, NAN, NAN)
+    estimate, truth = estimate_px[counted].astype(np.float64), truth_px[counted]
+    there = np.isfinite(estimate)
+    off = np.abs(np.where(there, estimate, np.inf) - truth)
+    bad = [100.0 * float((off > n).mean()) for n in (1, 2, 3)]
+    epe = float(off[there].mean()) if there.any() else NAN
+    return StereoErrors(100.0 * float(there.mean()), bad[0], bad[1], bad[2], epe)
+
+
+def fill_background(disparity_px: np.ndarray) -> np.ndarray:
+    """Fill gaps as KITTI does: along the row with the farther (smaller) of both neighbours.
+
+    A gap at a border takes its one neighbour; a row without any takes the nearest row that has
+    some. A map without any value stays NaN.
+    """
+    known = np.isfinite(disparity_px)
+    height, width = known.shape
+    column = np.broadcast_to(np.arange(width), known.shape)
+    before = np.maximum.accumulate(np.where(known, column, -1), axis=1)
+    reverse = np.where(known, column, width)[:, ::-1]
+    after = np.minimum.accumulate(reverse, axis=1)[:, ::-1]
+    rows = np.arange(height)[:, None]
+    padded = np.pad(disparity_px.astype(np.float32), ((0, 0), (1, 1)), constant_values=np.inf)
+    padded = np.where(np.isfinite(padded), padded, np.inf)
+    filled = np.minimum(padded[rows, before + 1], padded[rows, after + 1])
+    some = known.any(axis=1)
+    if not some.any():
+        return np.full(known.shape, np.nan, np.float32)
+    present = np.flatnonzero(some)
+    nearest = present[np.argmin(np.abs(np.arange(height)[:, None] - present), axis=1)]
+    return filled[nearest].astype(np.float32)
+
+
+def mean_errors(errors: list[StereoErrors]) -> StereoErrors:
+    """Mean of each measure over pairs; pairs where a measure is NaN do not count for it."""
+    names = StereoErrors.__slots__
+    columns = [np.array([getattr(e, n) for e in errors], dtype=np.float64) for n in names]
+    means = [float(c[np.isfinite(c)].mean()) if np.isfinite(c).any() else NAN for c in columns]
+    return StereoErrors(*means)

@@ -1,0 +1,99 @@
+"""Export: the ONNX file says what PyTorch says, keeps the contract and enters the manifest."""
+
+import json
+import tomllib
+
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("onnx")
+import onnx  # noqa: E402
+
+from models import manifest  # noqa: E402
+from models.card import card  # noqa: E402
+from models.export import export, load_network, multiplications, parity_px, trained  # noqa: E402
+from models.networks import build  # noqa: E402
+
+
+@pytest.fixture(scope="module", params=["hybrid", "hybrid_paper"])
+def exported(request, tmp_path_factory):
+    torch.manual_seed(1)
+    folder = tmp_path_factory.mktemp(request.param)
+    network = build(request.param)
+    network(torch.randn(2, 1, 48, 64), torch.randn(2, 1, 48, 64))
+    torch.save(network.state_dict(), folder / "best.pt")
+    lines = [
+        {"step": 9, "trained_s": 60.0, "shapes": 20, "rooms": 10},
+        {"step": 10, "trained_s": 66.0, "shapes_epe_px": 5.0}
+        | {f"shapes_bad{n}_pct": 50.0 for n in (1, 2, 3)},
+    ]
+    (folder / "log.jsonl").write_text("\n".join(json.dumps(line) for line in lines))
+    path = export(request.param, folder / "best.pt", trained(folder), folder / "artifacts")
+    return request.param, folder, path
+
+
+def test_parity_contract_and_lean_graph(exported):
+    name, folder, path = exported
+    network = load_network(name, folder / "best.pt")
+    assert parity_px(network, path.read_bytes(), seed=5) < 0.02
+    model = onnx.load(path)
+    assert model.opset_import[0].version == 17
+    assert {o.domain for o in model.opset_import} == {""}
+    kinds = {n.op_type for n in model.graph.node}
+    assert not kinds & {"BatchNormalization", "Constant", "Identity", "Softmax", "Loop", "If"}
+    properties = {p.key: p.value for p in model.metadata_props}
+    assert properties["size"] == "320x240"
+    assert properties["preprocessing"] == "(grey - 128) / 64"
+
+
+def test_multiplications_are_those_of_the_layers(exported):
+    name, folder, path = exported
+    network = load_network(name, folder / "best.pt")
+    count = 0
+
+    def add(layer, _, output):
+        nonlocal count
+        count += output.numel() * layer.weight[0].numel()
+
+    for module in network.modules():
+        if hasattr(module, "weight") and module.weight is not None and module.weight.dim() > 3:
+            module.register_forward_hook(add)
+    with torch.no_grad():
+        network(torch.zeros(1, 1, 240, 320), torch.zeros(1, 1, 240, 320))
+    helpers = 0.01 * count  # the two sums of the soft-argmin are convolutions in the graph
+    # The towers see both eyes at once, in either count.
+    assert multiplications(onnx.load(path)) == pytest.approx(count, abs=helpers)
+
+
+def test_manifest_entry_and_card(exported):
+    name, folder, _ = exported
+    entries = tomllib.loads((folder / "manifest.toml").read_text())
+    assert entries["default"] == name
+    (entry,) = entries["networks"]
+    assert entry["training_steps"] == 10 and entry["training_minutes"] == 1.1
+    assert "20 shapes, 10 rooms" in entry["training_data"]
+    assert "a53_minstr" not in entry
+    row = {"family": "indoor", "mask": "all", "filled": True, "bad1_pct": 30.0, "bad2_pct": 20.0,
+           "epe_px": 1.0, "ms_over_sgbm": 0.5}  # fmt: skip
+    rows = [
+        row | {"matcher": m, "pair": p, "bad3_pct": b}
+        for m, b in ((name, 20.0), ("sgbm", 10.0))
+        for p in (None, "art")
+    ]
+    text = card(name, {"rows": rows}, folder, folder)
+    assert entry["sha256"][:16] in text
+    assert "88.9 % (indoor)" in text
+    assert "means over 1 pairs" in text
+
+
+def test_entering_again_replaces_and_keeps_the_preferred_default(tmp_path):
+    path = tmp_path / "manifest.toml"
+    for name, size in (("other", 1), ("hybrid_paper", 2), ("hybrid", 3), ("other", 4)):
+        manifest.enter(path, {"name": name, "bytes": size})
+    read = manifest.read(path)
+    assert read["default"] == "hybrid"
+    assert [(n["name"], n["bytes"]) for n in read["networks"]] == [
+        ("hybrid", 3),
+        ("hybrid_paper", 2),
+        ("other", 4),
+    ]

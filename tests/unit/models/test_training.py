@@ -1,0 +1,110 @@
+"""Loss, batches, resuming: small and quick."""
+
+import math
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+from models.data.batches import Shards, augment, batch  # noqa: E402
+from models.data.shards import (  # noqa: E402
+    decode_disparity,
+    encode_disparity,
+    make_shard,
+    write_shard,
+)
+from models.loss import known, shift_loss, stereo_loss  # noqa: E402
+from models.networks.blocks import Estimate  # noqa: E402
+from models.train import Order, Trainer  # noqa: E402
+
+
+def fake_pair(rng):
+    image = rng.integers(0, 256, (240, 336)).astype(np.float32)
+    shift = int(rng.integers(1, 16))
+    return [(image[:, :320], image[:, shift : shift + 320], np.full((240, 320), float(shift)))]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    images, disparities = make_shard(np.random.default_rng(0), fake_pair, 3)
+    write_shard(tmp_path / "shapes-0-0000", images, disparities)
+    return tmp_path
+
+
+def test_unknown_and_distant_truth_does_not_count():
+    truth = torch.tensor([[[[float("nan"), 0.0, 64.0, 63.0]]]])
+    assert known(truth).flatten().tolist() == [False, False, False, True]
+
+
+def test_a_perfect_estimate_costs_less_and_ignored_pixels_cost_nothing():
+    truth = torch.full((1, 1, 8, 8), 12.0)
+    truth[..., 4:] = float("nan")
+    sure = torch.full_like(truth, 9.0)
+    exact = torch.nan_to_num(truth, 50.0)
+
+    def cost(disparity):
+        return stereo_loss(Estimate(disparity, sure, (disparity,), None), truth).item()
+
+    assert cost(exact) < 0.01
+    wild = exact.clone()
+    wild[..., 4:] = 3.0
+    assert cost(wild) == pytest.approx(cost(exact))
+    assert cost(exact + 3) > 3
+
+
+def test_shift_loss_is_least_at_the_two_shifts_around_the_truth():
+    truth = torch.full((1, 1, 4, 4), 10.0)  # 2.5 shifts of 4 px
+    logits = torch.full((1, 16, 1, 1), -20.0)
+    logits[0, 2:4] = 0.0
+    assert shift_loss(logits, truth).item() == pytest.approx(math.log(2), abs=1e-4)
+    assert shift_loss(torch.zeros(1, 16, 1, 1), truth).item() == pytest.approx(math.log(16))
+
+
+def test_disparity_codes_keep_a_256th_of_a_pixel_and_the_unknown():
+    disparity = np.array([[0.5, 63.123, np.nan, 300.0]])
+    back = decode_disparity(encode_disparity(disparity))
+    np.testing.assert_allclose(back[0, :2], [0.5, 63.123], atol=1 / 512)
+    assert np.isnan(back[0, 2:]).all()
+
+
+def test_batches_depend_only_on_seed_and_step(folder):
+    kinds = [Shards(folder, "shapes"), Shards(folder, "rooms")]
+    first, again, other = (batch(1, s, kinds, 2) for s in (5, 5, 6))
+    np.testing.assert_array_equal(first[0], again[0])
+    np.testing.assert_array_equal(first[1], again[1])
+    assert not np.array_equal(first[0], other[0])
+    assert first[0].shape == (2, 2, 192, 256) and first[1].shape == (2, 1, 192, 256)
+
+
+def test_augmenting_treats_both_eyes_alike():
+    images = np.repeat(np.random.default_rng(0).integers(0, 256, (1, 240, 320)), 2, 0)
+    for seed in range(8):
+        truth = np.arange(240 * 320, dtype=np.float32).reshape(240, 320)
+        grey, cut = augment(np.random.default_rng(seed), images, truth)
+        np.testing.assert_array_equal(grey[0], grey[1])
+        assert grey.min() >= 0 and grey.max() <= 255
+        assert abs(cut[0, 1] - cut[0, 0]) == 1 and abs(cut[1, 0] - cut[0, 0]) == 320
+
+
+def test_training_lowers_the_loss_saves_and_resumes(folder):
+    order = Order("hybrid", 0.2, folder, folder, folder / "out", batch=2)
+    torch.set_num_threads(1)
+    trainer = Trainer(order)
+    kinds = [Shards(folder, "shapes")]
+    losses = [trainer.learn(kinds) for _ in range(16)]
+    assert np.mean(losses[-4:]) < np.mean(losses[:4])
+    measured = trainer.check()
+    assert {"shapes_epe_px", "shapes_bad1_pct", "shapes_bad3_pct"} <= set(measured)
+    resumed = Trainer(order)
+    assert resumed.step == 16 and resumed.best == trainer.best
+    for old, new in zip(trainer.network.parameters(), resumed.network.parameters(), strict=True):
+        assert torch.equal(old, new)
+    assert (folder / "out" / "hybrid" / "best.pt").exists()
+
+
+def test_the_rate_ends_near_zero(folder):
+    trainer = Trainer(Order("hybrid", 1.0, folder, folder, folder / "out"))
+    trainer.step, trainer.trained_s = 1000, 30.0
+    assert trainer.rate() == pytest.approx(1.5e-3, rel=0.02)
+    trainer.trained_s = 60.0
+    assert trainer.rate() == pytest.approx(1e-5)
