@@ -188,6 +188,7 @@ class MissionConfig(Section):
     dock_tries: Count = 3
     back_off_m: Annotated[float, Meta(gt=0.0, le=0.3)] = 0.10
     stuck_s: Positive = 4.0
+    denied_give_up_s: Positive = 30.0  # the gate lets nothing move for so long: an error
     recover_tries: Count = 8  # within `recover_reset_m` of driving
     recover_reset_m: Positive = 0.5
     brush: Fraction = 0.8

@@ -27,7 +27,7 @@ class DeadReckoning:
     def __init__(self, robot: RobotConfig) -> None:
         self._track_width_m = robot.track_width_m
         self.odom_from_base = SE2()
-        self.travelled_m = 0.0  # signed: backing counts down
+        self.driven_m = 0.0  # sum of absolute driving
         self.turned_rad = 0.0  # sum of absolute turning
         self._last: WheelTravel | None = None
         self._gyro: ImuSample | None = None
@@ -66,7 +66,7 @@ class DeadReckoning:
             yaw_rad = (gyro.yaw_rate_radps - self._bias_radps) * (travel.t_ns - last.t_ns) * 1e-9
         if not standing:
             self.odom_from_base = self.odom_from_base @ exp(forward_m, 0.0, yaw_rad)
-            self.travelled_m += forward_m
+            self.driven_m += abs(forward_m)
             self.turned_rad += abs(yaw_rad)
         self._history.append((travel.t_ns, self.odom_from_base))
 

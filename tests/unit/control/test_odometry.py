@@ -27,7 +27,7 @@ def test_straight_and_turning_by_wheels_alone():
     odometry = DeadReckoning(ROBOT)
     roll(odometry, 50, 0.2, 0.2)
     assert odometry.odom_from_base.x_m == pytest.approx(0.2)
-    assert odometry.travelled_m == pytest.approx(0.2)
+    assert odometry.driven_m == pytest.approx(0.2)
     turn_mps = 0.5 * ROBOT.track_width_m
     roll(odometry, 50, -turn_mps, turn_mps, 2_000 * MS, 0.2, 0.2)
     assert odometry.odom_from_base.yaw_rad == pytest.approx(1.0)

@@ -1,0 +1,85 @@
+"""Driving one planned path, and noticing that it cannot be driven."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot.control.follow import Follower
+from robot.control.wish import Wish, halt
+from robot.messages import Grid, Path
+from robot.mission.state import Situation, seconds
+
+BLOCKED_FREE_M = 0.035  # less free way than this is none
+BLOCKED_S = 0.4
+LOOK_AHEAD_M = 0.7
+LOOK_EVERY_S = 0.4
+SLACK_M = 0.05  # the map may touch the body by so much before the path counts as blocked
+OFF_PATH_M = 0.35
+
+
+class Drive:
+    """Follows a path. `blocked` says why it cannot go on, empty while it can."""
+
+    def __init__(self, path: Path, now: Situation, *, cleans: bool) -> None:
+        self._follower = Follower(path, now.pose, now.control, now.robot)
+        self._brush = now.config.brush if cleans else 0.0
+        self._fan = now.config.fan if cleans else 0.0
+        self._reason = "sweeping" if cleans else "on the way"
+        self._stopped_ns: int | None = None
+        self._looked_ns = now.t_ns
+        self.blocked = ""
+
+    @property
+    def done(self) -> bool:
+        """Whether the end of the path has been reached."""
+        return self._follower.done
+
+    @property
+    def remaining_m(self) -> float:
+        """Length of the path still to drive."""
+        return self._follower.remaining_m
+
+    def tick(self, now: Situation) -> Wish:
+        """The wish for this tick."""
+        steering = self._follower.steer(now.pose)
+        if abs(self._follower.lateral_m) > OFF_PATH_M:
+            self.blocked = "the robot is far from its path"
+        self._watch_gate(now, steering.v_mps)
+        if seconds(self._looked_ns, now.t_ns) >= LOOK_EVERY_S:
+            self._looked_ns = now.t_ns
+            ahead = self._follower.ahead(LOOK_AHEAD_M)
+            if meets_matter(ahead, now.view, now.robot.radius_m - SLACK_M):
+                self.blocked = "the map shows something on the path"
+        if self.blocked:
+            return halt(self.blocked)
+        return Wish(steering.v_mps, steering.yaw_rate_radps, self._brush, self._fan, self._reason)
+
+    def _watch_gate(self, now: Situation, v_mps: float) -> None:
+        """Something right before the robot for some time blocks the path."""
+        if v_mps <= 0.0 or now.gate.verdict.free_m > BLOCKED_FREE_M:
+            self._stopped_ns = None
+        elif self._stopped_ns is None:
+            self._stopped_ns = now.t_ns
+        elif seconds(self._stopped_ns, now.t_ns) >= BLOCKED_S:
+            self.blocked = "something stands right before the robot"
+
+
+def meets_matter(points_m: np.ndarray, grid: Grid, radius_m: float) -> bool:
+    """Whether an occupied cell's centre lies within `radius_m` of one of the points (n, 2)."""
+    if len(points_m) == 0:
+        return False
+    res = grid.resolution_m
+    rows, columns = grid.cells.shape
+    low = points_m.min(axis=0) - radius_m - (grid.origin_x_m, grid.origin_y_m)
+    high = points_m.max(axis=0) + radius_m - (grid.origin_x_m, grid.origin_y_m)
+    x0, y0 = np.maximum(np.floor(low / res).astype(int), 0)
+    x1, y1 = np.minimum(np.ceil(high / res).astype(int), (columns, rows))
+    if x1 <= x0 or y1 <= y0:
+        return False
+    ys, xs = np.nonzero(grid.cells[y0:y1, x0:x1] >= 50)
+    if len(xs) == 0:
+        return False
+    mx = (xs + x0 + 0.5) * res + grid.origin_x_m
+    my = (ys + y0 + 0.5) * res + grid.origin_y_m
+    d2 = (mx[:, None] - points_m[None, :, 0]) ** 2 + (my[:, None] - points_m[None, :, 1]) ** 2
+    return bool(d2.min() < radius_m * radius_m)

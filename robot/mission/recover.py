@@ -1,0 +1,119 @@
+"""Getting out of trouble: back off, remember what was touched, turn, go on. Bounded."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from robot.control.follow import turn_rate_radps
+from robot.control.wish import Wish, halt
+from robot.geometry.se2 import wrap_angle
+from robot.mission.rest import CLEAR_TIMEOUT_S, give_up
+from robot.mission.state import Latch, Situation, State, Step, seconds
+
+Kind = Literal["bump", "cliff", "blocked", "stuck", "enclosed", "stop"]
+
+BACK_MPS = 0.08
+BACK_TIMEOUT_S = 4.0
+TURN_TIMEOUT_S = 4.0
+TURN_DONE_RAD = 0.1
+MAX_BACK_M = 0.3
+SAYS = {
+    "bump": "touched something",
+    "cliff": "came to a cliff",
+    "blocked": "the way is blocked",
+    "stuck": "does not get on although it tries",
+    "enclosed": "sees no way on",
+    "stop": "was stopped by the motor controller",
+}
+TOUCH_DEG = {"left": (15, 35, 55), "right": (-15, -35, -55), "front": (-15, 0, 15)}
+
+
+class Recover(State):
+    """One try to get free; `resume` goes on afterwards with a new plan.
+
+    Every try since the robot last drove freely backs off farther and turns more.
+    """
+
+    name = "recover"
+    guarded = False
+
+    def __init__(self, kind: Kind, resume: State) -> None:
+        self._kind = kind
+        self._resume = resume
+        self._latch = Latch()
+
+    def enter(self, now: Situation) -> None:
+        now.desk.drop()
+        run = now.run
+        if now.driven_m - run.trouble_at_m > now.config.recover_reset_m:
+            run.troubles = 0
+        run.troubles += 1
+        self._try = run.troubles
+        self._since_ns = now.t_ns
+        self._phase = "clear"
+        self._start = now.odom
+        self._turn_to_rad = now.odom.yaw_rad + self._turn_rad(now)
+        self._back_m = now.config.back_off_m * (1.0 + 0.5 * (self._try - 1))
+        if self._kind == "cliff":
+            self._back_m *= 1.5
+        self._back_m = min(self._back_m, MAX_BACK_M)
+        self._mark(now)
+
+    def tick(self, now: Situation) -> Step:
+        if self._try > now.config.recover_tries:
+            return give_up(f"the robot {SAYS[self._kind]}, gave up after {self._try - 1} tries")
+        passed_s = seconds(self._since_ns, now.t_ns)
+        if self._phase == "clear":
+            if self._latch.clear(now, f"the robot {SAYS[self._kind]} and backs off"):
+                self._next(now, "back")
+            elif passed_s > CLEAR_TIMEOUT_S:
+                return give_up(f"the motor controller keeps its stop: {now.link.stop_reason}")
+            return Step(halt("waiting for the motor controller"))
+        if not self._latch.clear(now, "the stop came again while backing off"):
+            return Step(halt("waiting for the motor controller"))
+        if self._phase == "back":
+            if self._start.distance_m(now.odom) >= self._back_m or passed_s > BACK_TIMEOUT_S:
+                self._next(now, "turn")
+            return Step(Wish(-BACK_MPS, 0.0, reason="backing off"))
+        error = wrap_angle(self._turn_to_rad - now.odom.yaw_rad)
+        held = now.touching or now.contact.cliff
+        if abs(error) < TURN_DONE_RAD or passed_s > TURN_TIMEOUT_S or held:
+            now.run.trouble_at_m = now.driven_m
+            return Step(then=self._resume, reason="free again, making a new plan")
+        return Step(Wish(0.0, turn_rate_radps(error, now.robot), reason="turning away"))
+
+    def _next(self, now: Situation, phase: str) -> None:
+        self._phase, self._since_ns = phase, now.t_ns
+
+    def _turn_rad(self, now: Situation) -> float:
+        """Away from what was touched; farther at each try, in alternate directions."""
+        if self._try == 1 and self._kind in ("blocked", "stop"):
+            return 0.0
+        angle = min(0.5 * self._try, 0.9 * math.pi)
+        if now.contact.bump_left != now.contact.bump_right:
+            return -angle if now.contact.bump_left else angle
+        return angle if self._try % 2 else -angle
+
+    def _mark(self, now: Situation) -> None:
+        """Write into the map what was met, so that the next plan avoids it."""
+        contact = now.contact
+        if self._kind in ("bump", "stuck"):
+            side = "front" if contact.bump_left == contact.bump_right else "left"
+            side = "right" if side == "left" and contact.bump_right else side
+            now.grid.mark_obstacle(_rim(now, TOUCH_DEG[side], 0.01))
+        elif self._kind == "cliff":
+            now.grid.mark_obstacle(_rim(now, range(-45, 46, 9), 0.02))
+        elif self._kind == "blocked":
+            points = now.gate.sight.nearest_ahead_m(now.odom, now.robot.radius_m / 2.0, 1)
+            world_from_odom = now.pose @ now.odom.inverse()
+            now.grid.mark_obstacle(world_from_odom.apply(points))
+
+
+def _rim(now: Situation, degrees: tuple[int, ...] | range, beyond_m: float) -> np.ndarray:
+    """Points (n, 2) of `world` just outside the robot's rim at these bearings."""
+    bearing = np.radians(np.array(degrees, dtype=float))
+    reach = now.robot.radius_m + beyond_m
+    return now.pose.apply(reach * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))

@@ -1,0 +1,116 @@
+"""What every state gets to see, and what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from robot.config import ControlConfig, MissionConfig, RobotConfig
+from robot.control.safety import SafetyGate
+from robot.control.wish import Wish
+from robot.geometry.se2 import SE2
+from robot.mapping.grid import OccupancyGrid
+from robot.mapping.swept import SweptFloor
+from robot.messages import ClearOrder, Command, Contact, Grid, LinkState
+from robot.mission.desk import PlanDesk
+from robot.mission.dock_sight import DockSight
+
+CLEAR_EVERY_S = 0.3
+Name = Literal["undock", "look", "clean", "return", "dock", "done"]
+
+
+@dataclass(slots=True)
+class RunRecord:
+    """What one cleaning run must remember across its states."""
+
+    started_ns: int = 0
+    plans: int = 0
+    looks: int = 0
+    remaining_m2: float = 0.0
+    fruitless_plans: int = 0
+    dock_tries: int = 0
+    troubles: int = 0  # since the robot last drove on freely
+    trouble_at_m: float = 0.0  # distance driven when the last one began
+
+
+@dataclass(slots=True)
+class Situation:
+    """One tick as the states see it. From `grid` on it is the same objects every tick."""
+
+    t_ns: int
+    pose: SE2  # world_from_base, now
+    yaw_sigma_rad: float
+    health: Literal["ok", "degraded", "lost"]
+    odom: SE2  # odom_from_base, now: never jumps
+    driven_m: float  # sum of absolute driving
+    turned_rad: float  # sum of absolute turning
+    contact: Contact
+    link: LinkState
+    battery_pct: float  # NaN: unknown
+    view: Grid  # the grid some moments ago
+    known_free_m2: float  # in it
+    grid: OccupancyGrid
+    swept: SweptFloor
+    gate: SafetyGate
+    desk: PlanDesk
+    sight: DockSight
+    robot: RobotConfig
+    control: ControlConfig
+    config: MissionConfig
+    run: RunRecord = field(default_factory=RunRecord)
+    orders: list[Command] = field(default_factory=list)  # besides driving
+
+    @property
+    def latched(self) -> bool:
+        """Whether the motor controller holds a stop."""
+        return bool(self.link.stop_reason)
+
+    @property
+    def touching(self) -> bool:
+        """Whether the bumper is pressed."""
+        return self.contact.bump_left or self.contact.bump_right
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Answer of a state to one tick: a wish, or the next state with the reason for the change."""
+
+    wish: Wish = field(default_factory=Wish)
+    then: State | Name | None = None
+    reason: str = ""
+
+
+class State:
+    """One thing that the robot can be doing. `name` is what people read."""
+
+    name = "state"
+    active = True  # drives by itself: battery, time and progress are watched
+    guarded = True  # a contact or a latched stop leads to recovery
+
+    def enter(self, now: Situation) -> None:
+        """Called once, before the first tick in this state."""
+
+    def tick(self, now: Situation) -> Step:
+        """What to do now."""
+        raise NotImplementedError
+
+
+class Latch:
+    """Clears the motor controller's stop, on purpose and not too often."""
+
+    def __init__(self) -> None:
+        self._asked_ns: int | None = None
+
+    def clear(self, now: Situation, reason: str) -> bool:
+        """Whether no stop is held; otherwise ask for it to be cleared."""
+        if not now.latched:
+            return True
+        if self._asked_ns is None or seconds(self._asked_ns, now.t_ns) >= CLEAR_EVERY_S:
+            self._asked_ns = now.t_ns
+            now.orders.append(ClearOrder(now.t_ns, reason))
+        return False
+
+
+def seconds(since_ns: int, now_ns: int) -> float:
+    """Seconds between two stamps."""
+    return (now_ns - since_ns) * 1e-9
