@@ -12,6 +12,7 @@ The other channels are for people (`robot.log.people`). Times are the robot's ow
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
@@ -37,6 +38,7 @@ _SEQUENCE = 2**32  # MCAP's sequence is an unsigned 32-bit number
 class LogWriter:
     """The log of one life: `EventLog` for the loop, `Recorder` for the body.
 
+    The two may be called from different threads: live, frames come from the camera's.
     Raises LogError if the file cannot be created. Close it (or use it as a context) to give the
     file its index; an unclosed log is still readable up to its last `flush` or full chunk.
     """
@@ -56,6 +58,7 @@ class LogWriter:
         )
         self._writer.start(profile="sweeper", library=f"sweeper {header.software}")
         self._writer.add_metadata(METADATA_NAME, header.to_metadata())
+        self._lock = threading.RLock()
         self._channels: dict[str, int] = {}
         self._by_type: dict[type, int] = {}
         self._register_lossless("event", EVENTS.values())
@@ -87,7 +90,8 @@ class LogWriter:
 
     def flush(self) -> None:
         """Hand everything so far to the operating system."""
-        self._writer.flush()
+        with self._lock:
+            self._writer.flush()
 
     # ---------------------------------------------------------------- Recorder
 
@@ -115,9 +119,10 @@ class LogWriter:
 
     def close(self) -> None:
         """Write the index and close the file; closing twice is harmless."""
-        if not self._file.closed:
-            self._writer.finish()
-            self._file.close()
+        with self._lock:
+            if not self._file.closed:
+                self._writer.finish()
+                self._file.close()
 
     def __enter__(self) -> LogWriter:
         return self
@@ -131,7 +136,10 @@ class LogWriter:
         self.close()
 
     def _add(self, channel: int, log_ns: int, t_ns: int, data: bytes, sequence: int) -> None:
-        self._writer.add_message(channel, max(0, log_ns), data, max(0, t_ns), sequence % _SEQUENCE)
+        with self._lock:
+            self._writer.add_message(
+                channel, max(0, log_ns), data, max(0, t_ns), sequence % _SEQUENCE
+            )
 
     def _register_lossless(self, kind: str, types: Iterable[type]) -> None:
         for message in types:
@@ -145,11 +153,14 @@ class LogWriter:
 
     def _put(self, topic: str, message: Any, t_ns: int, sequence: int = 0) -> None:
         """Write a protobuf message on a channel for people."""
-        channel = self._channels.get(topic)
-        if channel is None:
-            schema = self._writer.register_schema(
-                message.DESCRIPTOR.full_name, "protobuf", protobuf_schema(type(message))
-            )
-            channel = self._writer.register_channel(topic, "protobuf", schema)
-            self._channels[topic] = channel
+        with self._lock:
+            channel = self._channels.get(topic)
+            if channel is None:
+                channel = self._channels[topic] = self._register(topic, message)
         self._add(channel, t_ns, t_ns, message.SerializeToString(), sequence)
+
+    def _register(self, topic: str, message: Any) -> int:
+        schema = self._writer.register_schema(
+            message.DESCRIPTOR.full_name, "protobuf", protobuf_schema(type(message))
+        )
+        return self._writer.register_channel(topic, "protobuf", schema)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -186,6 +187,24 @@ def test_frames_come_back_pixel_for_pixel(tmp_path: Path) -> None:
         assert np.array_equal(a.left, b.left) and np.array_equal(a.right, b.right)
         assert a.t_ns == b.t_ns and b.left.dtype == np.uint8
         assert np.array_equal(a.yaw_change_rad, b.yaw_change_rad, equal_nan=True)
+
+
+def test_frames_may_come_from_another_thread(tmp_path: Path) -> None:
+    path = tmp_path / "threads.mcap"
+    image = np.zeros((64, 64), np.uint8)
+    with LogWriter(path, header(), LogConfig(chunk_bytes=512)) as log:
+
+        def film() -> None:
+            for k in range(60):
+                log.frame(StereoFrame(k, k, image, image))
+
+        camera = threading.Thread(target=film)
+        camera.start()
+        for k in range(2000):
+            log.event(Tick(k))
+        camera.join()
+    assert [event.t_ns for event in read_events(path)] == list(range(2000))
+    assert [frame.seq for frame in read_frames(path)] == list(range(60))
 
 
 def test_a_flushed_log_is_readable_before_it_is_closed(tmp_path: Path) -> None:
