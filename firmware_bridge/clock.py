@@ -3,14 +3,18 @@
 Every answer says when (controller time) its order was taken, and the host knows when it was sent.
 An order is never taken before it is sent, so `sent - taken` is a lower bound of the offset between
 the clocks, and tight for the order that waited least. Of each half second the tightest bound is
-kept; a least-squares line through the last eight seconds of them follows the drift. (The bound
-from the other side, the arrival of telemetry, is looser by how long the host lets it wait.)
-Idea: Cristian, "Probabilistic clock synchronization", Distributed Computing 3, 1989.
+kept; the drift is the Theil-Sen slope (median over pairs) of the last eight seconds of them, which
+a stalled host does not bend. (The bound from the other side, the arrival of telemetry, is looser
+by how long the host lets it wait.)
+Sources: Cristian, "Probabilistic clock synchronization", Distributed Computing 3, 1989; Sen,
+"Estimates of the regression coefficient based on Kendall's tau", JASA 63, 1968.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from itertools import combinations
+from statistics import median
 
 from firmware_bridge.counting import EndlessCounter
 
@@ -44,13 +48,11 @@ class ClockMap:
         at_ns = self._counter.follow(taken_us) * NS_PER_US
         offset_ns = sent_ns - at_ns
         if not self._blocks or at_ns - self._block_start_ns >= BLOCK_NS:
+            self._drift = self._fit()
             self._block_start_ns = at_ns
             self._blocks.append((at_ns, offset_ns))
         elif offset_ns > self._predict(*self._blocks[-1], at_ns):
             self._blocks[-1] = (at_ns, offset_ns)
-        else:
-            return
-        self._drift = self._fit()
 
     def to_host_ns(self, controller_us: int) -> int:
         """Host time of a controller time at most 35 minutes from the last one seen.
@@ -64,13 +66,9 @@ class ClockMap:
         return offset_ns + round(self._drift * (at_ns - block_ns))
 
     def _fit(self) -> float:
-        """Drift of the offset: slope of the least-squares line through the blocks."""
-        if self._blocks[-1][0] - self._blocks[0][0] < MIN_SPAN_NS:
+        """Drift of the offset, from the blocks that have ended."""
+        if not self._blocks or self._blocks[-1][0] - self._blocks[0][0] < MIN_SPAN_NS:
             return 0.0
-        start_ns, start_offset_ns = self._blocks[0]
-        x = [at_ns - start_ns for at_ns, _ in self._blocks]
-        y = [offset_ns - start_offset_ns for _, offset_ns in self._blocks]
-        mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)
-        spread = sum((a - mean_x) ** 2 for a in x)
-        slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / spread
+        pairs = combinations(self._blocks, 2)
+        slope = median((end[1] - start[1]) / (end[0] - start[0]) for start, end in pairs)
         return max(-MAX_DRIFT, min(MAX_DRIFT, slope))

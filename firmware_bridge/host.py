@@ -122,12 +122,18 @@ def build_host_firmware(build_dir: Path, *, extra_flags: tuple[str, ...] = ()) -
 
 
 class HostFirmware:
-    """A running host firmware. Raises BridgeError when it does not start or ends by itself."""
+    """A running host firmware. Raises BridgeError when it does not start or ends by itself.
 
-    def __init__(self, binary: Path, *, boot: int = 1) -> None:
+    `boot` is the number of starts it reports; steps are divided into pieces of `piece_us`.
+    """
+
+    def __init__(self, binary: Path, *, boot: int = 1, piece_us: int = 5000) -> None:
         try:
             self._process = subprocess.Popen(
-                [str(binary), str(boot)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+                [str(binary), str(boot), str(piece_us)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                bufsize=0,
             )
         except OSError as error:
             raise BridgeError(
@@ -141,7 +147,7 @@ class HostFirmware:
         """Let `dt_us` microseconds pass, at the end of which the pins are `inputs`.
 
         `bytes_sent` is what the host has written to the port since the start; the firmware reads
-        all of it first. Steps longer than 5 ms are divided, encoder counts interpolated.
+        all of it first. Between pieces of a longer step encoder counts are interpolated.
         """
         record = _STEP_IN.pack(
             dt_us,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from firmware_bridge.errors import BridgeError
 from firmware_bridge.link import Link, Received
 from firmware_bridge.messages import (
     CLIFF,
@@ -17,7 +16,7 @@ from firmware_bridge.messages import (
     StopReason,
     Wheels,
 )
-from firmware_bridge.transport import SerialTransport, find_port
+from firmware_bridge.transport import SerialTransport
 from robot.config import LinkConfig, RobotConfig
 from robot.errors import HardwareError
 from robot.messages import (
@@ -40,10 +39,6 @@ def open_wheels(robot: RobotConfig, config: LinkConfig) -> WheelBridge:
 
     Raises HardwareError when there is no such port now; one that vanishes later is waited for.
     """
-    try:
-        find_port() if not config.port else None
-    except BridgeError as error:
-        raise HardwareError(str(error)) from None
     transport = SerialTransport(config.port, config.baud)
     if not transport.open():
         raise HardwareError(transport.problem)

@@ -8,7 +8,8 @@
  *
  * `bytes_sent` counts all bytes that the host has put on the line: they are read before time goes
  * on, however long the kernel takes to deliver them, so a run does not depend on its timing.
- * The firmware ends when stdin does. Usage: firmware [BOOT_NUMBER]
+ * A step is divided into pieces of at most 5 ms, as the wheel loop needs, unless told otherwise.
+ * The firmware ends when stdin does. Usage: firmware [BOOT_NUMBER [LONGEST_PIECE_US]]
  */
 #define _XOPEN_SOURCE 600
 
@@ -26,7 +27,7 @@
 #define STEP_IN 25u
 #define STEP_OUT 14u
 #define PORT_NAME 64u
-#define MAX_STEP_US UINT32_C(5000)
+#define PIECE_US 5000u
 #define DELIVERY_MS 5000
 
 static uint64_t little(const uint8_t *bytes, unsigned size)
@@ -152,6 +153,7 @@ struct board {
     uint32_t now_us;
     uint64_t taken;
     uint64_t given;
+    uint32_t piece_us;
     int line;
 };
 
@@ -170,7 +172,7 @@ static bool step(struct board *b, const uint8_t *record)
     if (!take_bytes(&b->controller, b->line, &b->taken, sent, b->now_us)) {
         return false;
     }
-    uint32_t pieces = (dt_us / MAX_STEP_US) + (((dt_us % MAX_STEP_US) != 0u) ? 1u : 0u);
+    uint32_t pieces = (dt_us / b->piece_us) + (((dt_us % b->piece_us) != 0u) ? 1u : 0u);
     uint32_t start_us = b->now_us;
     for (uint32_t i = 1; i <= pieces; i++) {
         struct inputs in = end;
@@ -185,6 +187,12 @@ static bool step(struct board *b, const uint8_t *record)
     return true;
 }
 
+static unsigned long argument(int argc, char **argv, int at, unsigned long otherwise)
+{
+    unsigned long value = (argc > at) ? strtoul(argv[at], NULL, 10) : 0u;
+    return (value > 0u) ? value : otherwise;
+}
+
 int main(int argc, char **argv)
 {
     static struct board b;
@@ -193,10 +201,11 @@ int main(int argc, char **argv)
     char name[PORT_NAME] = {0};
     const struct identity identity = {
         .board = WIRE_BOARD_HOST,
-        .boot = (uint16_t)((argc > 1) ? strtoul(argv[1], NULL, 10) : 1u),
+        .boot = (uint16_t)argument(argc, argv, 1, 1u),
         .build = FIRMWARE_BUILD,
     };
     const struct inputs rest = {.battery_mv = UINT16_MAX};
+    b.piece_us = (uint32_t)argument(argc, argv, 2, PIECE_US);
     b.line = open_line(name);
     if ((b.line < 0) || !write_all((const uint8_t *)name, sizeof name)) {
         return EXIT_FAILURE;

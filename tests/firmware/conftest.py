@@ -1,0 +1,36 @@
+"""The host firmware, built once per session, and a rig around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from firmware_rig import Rig
+
+from firmware_bridge.errors import BridgeError
+from firmware_bridge.host import build_host_firmware, find_compiler
+
+
+@pytest.fixture(scope="session")
+def firmware_binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The binary; the tests are skipped where there is no C compiler."""
+    try:
+        find_compiler()
+    except BridgeError as error:
+        pytest.skip(str(error))
+    return build_host_firmware(tmp_path_factory.mktemp("firmware"))
+
+
+@pytest.fixture
+def rig(firmware_binary: Path) -> Iterator[Rig]:
+    """A firmware that has just started."""
+    with Rig(firmware_binary) as made:
+        yield made
+
+
+@pytest.fixture
+def armed(rig: Rig) -> Rig:
+    """A firmware with an open session and nothing latched."""
+    rig.arm()
+    return rig
