@@ -130,7 +130,7 @@ def test_soft_argmin_is_the_expected_index():
 
 
 def test_warping_by_the_true_disparity_undoes_the_shift():
-    right = torch.randn(1, 3, 5, 40)
+    right = torch.randn(1, 4, 5, 40)
     left = torch.roll(right, 7, 3)
     warped = warp(right, torch.full((1, 1, 5, 40), 7.0))
     torch.testing.assert_close(warped[..., 7:], left[..., 7:], atol=1e-4, rtol=1e-4)
