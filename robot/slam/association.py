@@ -77,12 +77,12 @@ def _linearise(
     landmark: np.ndarray,
     fresh: np.ndarray,
 ) -> Pairs:
-    polar, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks()[landmark])
+    predicted, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks()[landmark])
     first = FIRST_LANDMARK + 2 * landmark[:, None]
     columns = np.hstack([np.tile(np.arange(3), (len(index), 1)), first, first + 1])
     jacobian = np.concatenate([by_pose, by_point], axis=2)
     hp, hph = ekf.innovation(columns, jacobian)
-    away = residual(seen.polar[index], polar)
+    away = residual(seen.sight[index], predicted)
     return Pairs(index, landmark, fresh, away, seen.cov[index], columns, jacobian, hp, hph)
 
 
@@ -102,7 +102,7 @@ def _candidates(
     fits = distance < config.gate_chi2
     fits &= seen.kind[free][:, None] == catalogue.kinds()[None]
     rise = np.abs(seen.height_m[free][:, None] - catalogue.heights_m()[None])
-    reach = config.height_gate_m + config.height_gate_slope * seen.polar[free, 0]
+    reach = config.height_gate_m + config.height_gate_slope * seen.range_m[free]
     fits &= ~(rise > reach[:, None])  # an unknown height excludes nothing
     fits[:, taken] = False
     rows = np.flatnonzero(fits.any(axis=1))
@@ -136,14 +136,14 @@ def _unambiguous(
 
 def _mahalanobis(ekf: LandmarkFilter, seen: Observations, index: np.ndarray) -> np.ndarray:
     """Squared Mahalanobis distances (len(index), n) of sights to all landmarks."""
-    polar, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks())
-    n = len(polar)
+    predicted, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks())
+    n = len(predicted)
     cross = ekf.P[POSE, FIRST_LANDMARK:].reshape(3, n, 2).transpose(1, 0, 2)
     mixed = by_pose @ cross @ by_point.transpose(0, 2, 1)
     spread = by_pose @ ekf.P[POSE, POSE] @ by_pose.transpose(0, 2, 1)
     spread += mixed + mixed.transpose(0, 2, 1)
     spread += by_point @ ekf.landmark_covs() @ by_point.transpose(0, 2, 1)
-    away = seen.polar[index][:, None, :] - polar[None]
+    away = seen.sight[index][:, None, :] - predicted[None]
     away[..., 1] = wrap(away[..., 1])
     return _quadratic(away, spread[None] + seen.cov[index][:, None])
 

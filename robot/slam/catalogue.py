@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robot.messages import Landmark
+from robot.slam.sensor import sights_of
 
 BITS = 256
 _KINDS = {"point": 0, "edge": 1}
@@ -19,15 +20,16 @@ _NEW_SIGNATURE_BITS = 20  # a view that differs by less teaches nothing
 class Observations:
     """The landmarks of one frame as arrays; bits are -1 and 1, so that a product counts them."""
 
-    polar: np.ndarray  # (m, 2)
-    cov: np.ndarray  # (m, 2, 2)
+    sight: np.ndarray  # (m, 2): inverse range 1/m, bearing rad
+    cov: np.ndarray  # (m, 2, 2) of the sight
+    range_m: np.ndarray  # (m,)
     kind: np.ndarray  # (m,)
     height_m: np.ndarray  # (m,), NaN unknown
     track: np.ndarray  # (m,), -1 not followed
     bits: np.ndarray  # (m, 256) float32
 
     def __len__(self) -> int:
-        return len(self.polar)
+        return len(self.range_m)
 
 
 def collect(landmarks: Sequence[Landmark], noise_factor: float) -> Observations:
@@ -39,9 +41,13 @@ def collect(landmarks: Sequence[Landmark], noise_factor: float) -> Observations:
     ]
     raw = np.frombuffer(b"".join(seen.signature for seen in used), dtype=np.uint8)
     bits = np.unpackbits(raw.reshape(len(used), BITS // 8), axis=1).astype(np.float32)
+    polar = np.array([(seen.range_m, seen.bearing_rad) for seen in used]).reshape(-1, 2)
+    cov = np.array([seen.cov for seen in used]).reshape(-1, 2, 2)
+    sight, sight_cov = sights_of(polar, cov)
     return Observations(
-        np.array([(seen.range_m, seen.bearing_rad) for seen in used]).reshape(-1, 2),
-        noise_factor * np.array([seen.cov for seen in used]).reshape(-1, 2, 2),
+        sight,
+        noise_factor * sight_cov,
+        polar[:, 0],
         np.array([_KINDS[seen.kind] for seen in used], dtype=int),
         np.array([seen.height_m for seen in used]),
         np.array([seen.track_id for seen in used], dtype=int),

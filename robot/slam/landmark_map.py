@@ -92,7 +92,7 @@ class LandmarkMap:
     def _best(self, fits: np.ndarray, seen: Observations, pairs: Pairs) -> np.ndarray:
         """At most `max_observations` of the pairs that fit, nearest first."""
         index = np.flatnonzero(fits)
-        order = np.argsort(seen.polar[pairs.seen[index], 0], kind="stable")
+        order = np.argsort(seen.range_m[pairs.seen[index]], kind="stable")
         return np.sort(index[order[: self._config.max_observations]])
 
     def _feel(self, pairs: Pairs, forward: np.ndarray) -> None:
@@ -135,14 +135,14 @@ class LandmarkMap:
 
     def _grow(self, seen: Observations, spoken_for: np.ndarray, t_ns: int) -> None:
         """Let unknown sights wait, and append the ripe ones where few landmarks are in view."""
-        index = np.flatnonzero(~spoken_for & (seen.polar[:, 0] < self._config.init_range_m))
-        places, _, by_polar = locate(self._ekf.x[POSE], seen.polar[index])
-        covs = by_polar @ seen.cov[index] @ by_polar.transpose(0, 2, 1)
+        index = np.flatnonzero(~spoken_for & (seen.range_m < self._config.init_range_m))
+        places, _, by_sight = locate(self._ekf.x[POSE], seen.sight[index])
+        covs = by_sight @ seen.cov[index] @ by_sight.transpose(0, 2, 1)
         ripe = self._waiting.confirm(seen, index, places, covs, t_ns)
         chosen = self._choose(seen, ripe, spoken_for)
         if not len(chosen):
             return
-        position, by_pose, by_seen = locate(self._ekf.x[POSE], seen.polar[chosen])
+        position, by_pose, by_seen = locate(self._ekf.x[POSE], seen.sight[chosen])
         self._ekf.add(position, by_pose, by_seen, seen.cov[chosen])
         for i in chosen.tolist():
             self._catalogue.add(
@@ -153,12 +153,12 @@ class LandmarkMap:
     def _choose(self, seen: Observations, ripe: np.ndarray, spoken_for: np.ndarray) -> np.ndarray:
         """Spread new landmarks over the view and the room; the nearest first."""
         sectors = self._config.sectors
-        part = np.clip((seen.polar[:, 1] + 0.65) / 1.3 * sectors, 0, sectors - 1).astype(int)
+        part = np.clip((seen.sight[:, 1] + 0.65) / 1.3 * sectors, 0, sectors - 1).astype(int)
         crowd = np.bincount(part[spoken_for], minlength=sectors)
-        places, _, _ = locate(self._ekf.x[POSE], seen.polar)
+        places, _, _ = locate(self._ekf.x[POSE], seen.sight)
         known = list(zip(self._ekf.landmarks(), self._catalogue.heights_m(), strict=True))
         chosen: list[int] = []
-        for i in ripe[np.argsort(seen.polar[ripe, 0], kind="stable")].tolist():
+        for i in ripe[np.argsort(seen.range_m[ripe], kind="stable")].tolist():
             if crowd[part[i]] >= self._config.landmarks_per_sector:
                 continue
             if any(self._same_place(places[i], seen.height_m[i], *other) for other in known):

@@ -12,7 +12,7 @@ from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
 from robot.slam.sensor import expected
 
 CONFIG = SlamConfig()
-NOISE = np.diag([0.03**2, 0.005**2])
+NOISE = np.diag([0.02**2, 0.005**2])
 
 
 class Room:
@@ -35,12 +35,13 @@ class Room:
     def look(
         self, pose: np.ndarray, which: np.ndarray, tracks: np.ndarray, flips: float = 0.06
     ) -> Observations:
-        polar = expected(pose, self.places[which])[0]
-        polar = polar + self.rng.normal(0, 1, polar.shape) * np.sqrt(np.diag(NOISE))
+        sight = expected(pose, self.places[which])[0]
+        sight = sight + self.rng.normal(0, 1, sight.shape) * np.sqrt(np.diag(NOISE))
         turned = self.rng.uniform(size=(len(which), 256)) < flips
         return Observations(
-            polar,
+            sight,
             np.tile(NOISE, (len(which), 1, 1)),
+            1.0 / sight[:, 0],
             np.zeros(len(which), dtype=int),
             self.heights[which],
             tracks,
@@ -84,7 +85,7 @@ def test_tracks_that_jumped_are_outvoted() -> None:
     room = Room(4)
     which = np.arange(12)
     seen = room.look(np.array([0.05, 0.05, 0.02]), which, 1000 + which)
-    seen.polar[:4, 1] += 0.2
+    seen.sight[:4, 1] += 0.2
     pairs, fits = room.accepted(seen)
     assert set(pairs.seen[~fits].tolist()) == {0, 1, 2, 3}
 

@@ -95,9 +95,9 @@ def test_filterpys_own_steps_still_work_after_growing() -> None:
 
 def test_adding_carries_the_poses_uncertainty_into_the_landmark() -> None:
     ekf = random_filter(5, 4)
-    polar = np.array([[2.0, 0.3], [1.0, -0.4]])
+    sight = np.array([[0.5, 0.3], [1.0, -0.4]])
     noise = np.array([np.diag([0.01, 0.001]), np.diag([0.02, 0.002])])
-    points, by_pose, by_seen = locate(ekf.x[POSE], polar)
+    points, by_pose, by_seen = locate(ekf.x[POSE], sight)
     n, before = ekf.dim_x, ekf.P.copy()
     ekf.add(points, by_pose, by_seen, noise)
     grow = np.zeros((n + 4, n + 4))

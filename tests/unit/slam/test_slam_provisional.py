@@ -14,6 +14,7 @@ def sight(track: int, bits: np.ndarray) -> Observations:
     return Observations(
         np.array([[1.0, 0.0]]),
         COV[None],
+        np.ones(1),
         np.zeros(1, dtype=int),
         np.array([0.5]),
         np.array([track]),
