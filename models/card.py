@@ -45,9 +45,10 @@ plasma-workspace-wallpapers (GPL-2+; parts CC-BY-3.0, CC-BY-SA-3.0 or public dom
 copyright files say), none of which is part of this repository. No photograph with true disparity
 was used for training or for choosing weights.
 
-AdamW, batch 16 of 192x256, rate 3e-3 with warm-up and half a cosine, bfloat16 autocast. Loss:
-smooth L1 of the final and the coarse disparities{extra}, and the confidence. Kept: the weights
-with the least end-point error on 64 + 64 held-back rendered pairs (other seeds and textures).
+AdamW, batch {training_batch} of 192x256, rate {training_rate:g} with warm-up and half a cosine,
+bfloat16 autocast. Loss: smooth L1 of the final and the coarse disparities{extra},
+and the confidence. Kept: the weights with the least end-point error on 64 + 64 held-back rendered
+pairs (other seeds and textures).
 
 | held-back rendered pairs | EPE px | bad-1 % | bad-2 % | bad-3 % |
 |---|---|---|---|---|

@@ -24,6 +24,7 @@ from torch import nn
 from models import manifest
 from models.networks import Exported, build, fold_norms
 from models.networks.blocks import INPUT_MEAN, INPUT_SCALE, MAX_DISPARITY
+from models.train import Order
 
 HEIGHT, WIDTH, OPSET = 240, 320, 17
 TOLERANCE_PX, LARGEST_BYTES = 0.02, 2_000_000
@@ -154,6 +155,8 @@ def trained(folder: Path) -> dict[str, object]:
     pairs = [f"{line['shapes']} shapes, {line['rooms']} rooms" for line in lines if "rooms" in line]
     return {
         "training_data": f"rendered pairs only: {pairs[-1] if pairs else 'a few'}",
+        "training_batch": next((n["batch"] for n in lines if "batch" in n), Order.batch),
+        "training_rate": next((n["top_rate"] for n in lines if "top_rate" in n), Order.rate),
         "training_steps": lines[-1]["step"],
         "training_minutes": round(lines[-1]["trained_s"] / 60, 1),
     }

@@ -3,8 +3,8 @@
 Keys of a `[[networks]]` table: name, file (relative to the manifest), sha256, bytes, width_px,
 height_px, max_disparity_px, preprocessing, inputs, outputs, opset, parameters, mmac (millions of
 multiply-accumulates per pair), parity_px (largest difference to PyTorch), licence, training_data,
-training_steps, training_minutes, and a53_minstr (millions of executed Cortex-A53 instructions;
-absent until measured).
+training_batch, training_rate, training_steps, training_minutes, and a53_minstr (millions of
+executed Cortex-A53 instructions; absent until measured).
 """
 
 from __future__ import annotations

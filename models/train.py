@@ -128,6 +128,8 @@ class Trainer:
         kinds = [Shards(self.order.pairs, kind) for kind in KINDS]
         if not any(k.images for k in kinds):
             raise SystemExit(f"no shards in {self.order.pairs}: run python -m models.data.shards")
+        o = self.order
+        self.note(step=self.step, trained_s=self.trained_s, batch=o.batch, top_rate=o.rate)
         last_report = last_check = self.trained_s
         total, count = 0.0, 0
         while self.trained_s < 60 * self.order.minutes:
