@@ -64,6 +64,15 @@ def test_wrong_protocol_or_session_zero_opens_nothing(rig: Rig) -> None:
     assert rig.ask(Clear(1)) == Result.NO_SESSION
 
 
+def test_hello_without_a_session_ends_none(armed: Rig) -> None:
+    armed.drive(200, 200, 200)
+    armed.send(Hello(PROTOCOL_VERSION), session=0)
+    armed.send(Hello(PROTOCOL_VERSION + 1), session=SESSION + 1)
+    armed.step()
+    assert armed.ask(GO) == Result.OK
+    assert not armed.still
+
+
 def test_a_session_alone_does_not_arm(rig: Rig) -> None:
     rig.send(Hello(PROTOCOL_VERSION))
     assert rig.ask(GO) == Result.LATCHED

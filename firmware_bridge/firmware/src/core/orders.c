@@ -83,7 +83,6 @@ static uint8_t clear(struct controller *c, const uint8_t *fields)
         return WIRE_RESULT_BLOCKED;
     }
     c->stop_reason = WIRE_STOP_REASON_NONE;
-    reflexes_reset(&c->reflexes);
     return WIRE_RESULT_OK;
 }
 

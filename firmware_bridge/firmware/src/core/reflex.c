@@ -1,13 +1,5 @@
 #include "core/reflex.h"
 
-void reflexes_reset(struct reflexes *r)
-{
-    r->stalled_us[0] = 0;
-    r->stalled_us[1] = 0;
-    r->over_current_us = 0;
-    r->low_battery_us = 0;
-}
-
 /* Let `lasted_us` count while `on`; true once it reaches the limit. Saturates there. */
 static bool lasts(uint32_t *lasted_us, bool on, uint32_t dt_us, uint32_t limit_us)
 {

@@ -19,9 +19,6 @@ struct reflexes {
     uint32_t low_battery_us;
 };
 
-/* Forget what has lasted so far; called when a stop is cleared. */
-void reflexes_reset(struct reflexes *r);
-
 /* The reason to stop now (WIRE_STOP_REASON_*), after `dt_us` with these inputs and wheels. */
 uint8_t reflexes_check(struct reflexes *r, const struct inputs *in, const struct wheel *left,
                        const struct wheel *right, uint32_t dt_us);
