@@ -69,7 +69,7 @@ matchers in turn in one process. Command: `sweeper bench stereo --pairs DIR --js
 ## Limits
 
 - Made for grey, rectified, horizontal pairs of 240x320 with disparities of 0 to 63 px; nearer
-  things come out too far, and nothing warns of swapped eyes.
+  things come out too far. What swapped eyes do has not been measured.
 - Trained on rendered pairs for a short time: a first network, not a finished one.
 - Mirrors, glass and large plain walls are guessed from their surroundings.
 """
