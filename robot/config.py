@@ -116,6 +116,7 @@ class MappingConfig(Section):
     max_range_m: Annotated[float, Meta(gt=0.2, le=10.0)] = 3.0  # farther ranges only say "free"
     trusted_range_m: Positive = 1.2  # evidence fades with the square of the distance beyond
     range_sigma_per_m2: NotNegative = 0.022  # sigma_z = this * z^2 (0.3 px at 228 px, 6 cm)
+    min_thickness_m: Positive = 0.05  # what is hit is taken to be at least so deep
     free_weight: Positive = 0.4  # log-odds that one scan takes from a free cell ...
     hit_weight: Positive = 0.5  # ... and gives to an occupied one
     hit_over_free: Annotated[float, Meta(ge=1.0)] = 3.0  # weight of a hit among rays that pass
@@ -130,6 +131,7 @@ class PlanningConfig(Section):
     """Coverage and routes."""
 
     margin_m: NotNegative = 0.01  # kept between the robot's rim and what is mapped
+    min_passage_m: NotNegative = 0.06  # room to spare in a gap that leads to a small place only
     unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor
     lane_overlap_m: NotNegative = 0.02  # neighbouring lanes share this much of the brush
     soft_clearance_m: Positive = 0.35  # routes prefer this much room around the centre
@@ -218,7 +220,21 @@ class LogConfig(Section):
 
 
 class SimConfig(Section):
-    """The built-in simulator's imperfections."""
+    """The built-in simulator's imperfections. A seed draws within these limits."""
+
+    wheel_scale_error: Fraction = 0.01
+    motor_mismatch: Fraction = 0.04
+    motor_lag_s: Positive = 0.07
+    encoder_noise: NotNegative = 0.0005  # m of 1 sigma a square root of a metre
+    slip_every_s: NotNegative = 20.0  # mean time between slips; 0: none
+    slip_share: Fraction = 0.5  # at most, of the rolled distance
+    gyro_bias_radps: NotNegative = 0.01
+    gyro_walk: NotNegative = 1e-5  # rad/s a square root of a second
+    gyro_noise_radps: NotNegative = 0.003
+    image_noise: NotNegative = 2.0  # grey levels
+    exposure_difference: Fraction = 0.05
+    vertical_shift_px: NotNegative = 0.3
+    vignetting: Fraction = 0.15
 
 
 class Config(Section):

@@ -1,0 +1,215 @@
+"""The body of the simulated robot: motors, wheels, encoders, gyro, switches, battery.
+
+A disc on two driven wheels. Motors follow their PWM with a first-order lag; a slipping wheel rolls
+farther than it carries; walls are slid along, and what touches the front presses the bumper.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from robot.config import RobotConfig, SimConfig
+from robot.geometry.se2 import SE2, exp
+from robot.sim.world import DOCK_REACH_M, World
+
+FULL_SPEED_MPS = 0.6  # rim speed at full PWM, what the firmware's feed-forward expects
+FRONT_RAD = math.radians(100.0)  # the bumper reaches a little past the sides
+BOTH_SIDES_RAD = math.radians(15.0)
+CLIFF_AHEAD_RAD = (-0.8, -0.3, 0.3, 0.8)  # the four sensors under the front rim
+RELEASE_M = 0.002  # the bumper's spring
+
+
+@njit(cache=True)
+def _nearest(segments, x, y, from_m):  # type: ignore[no-untyped-def]
+    """Closest point (distance, nx, ny) of all segments nearer than `from_m`; n points away."""
+    best, nx, ny = from_m, 0.0, 0.0
+    for i in range(segments.shape[0]):
+        ax, ay = segments[i, 0], segments[i, 1]
+        bx, by = segments[i, 2] - ax, segments[i, 3] - ay
+        px, py = x - ax, y - ay
+        t = (px * bx + py * by) / (bx * bx + by * by + 1e-12)
+        t = min(max(t, 0.0), 1.0)
+        dx, dy = px - t * bx, py - t * by
+        d = math.sqrt(dx * dx + dy * dy)
+        if d < best:
+            best, nx, ny = d, dx / max(d, 1e-9), dy / max(d, 1e-9)
+    return best, nx, ny
+
+
+@njit(cache=True)
+def _inside(polygon, x, y):  # type: ignore[no-untyped-def]
+    """Whether a point lies in a polygon (even-odd rule)."""
+    inside = False
+    j = polygon.shape[0] - 1
+    for i in range(polygon.shape[0]):
+        xi, yi, xj, yj = polygon[i, 0], polygon[i, 1], polygon[j, 0], polygon[j, 1]
+        if (yi > y) != (yj > y) and x < (xj - xi) * (y - yi) / (yj - yi) + xi:
+            inside = not inside
+        j = i
+    return inside
+
+
+class SimBase:
+    """Deterministic for a seed. Poses are in the scene's coordinates."""
+
+    def __init__(
+        self, world: World, robot: RobotConfig, sim: SimConfig, seed: int, *, metres_per_tick: float
+    ) -> None:
+        self._world, self._robot, self._sim = world, robot, sim
+        self._metres_per_tick = metres_per_tick
+        self._rng = np.random.default_rng([seed, 17])
+        self._segments = np.ascontiguousarray(world.segments())
+        self._cliffs = [np.ascontiguousarray(c, dtype=np.float64) for c in world.cliffs]
+        uniform = self._rng.uniform
+        self._scale = 1.0 + uniform(-sim.wheel_scale_error, sim.wheel_scale_error, 2)
+        self._gain = 1.0 + uniform(-sim.motor_mismatch, sim.motor_mismatch, 2)
+        self._gyro_bias_radps = float(uniform(-sim.gyro_bias_radps, sim.gyro_bias_radps))
+        self._wheel_mps = np.zeros(2)
+        self._rolled_m = np.zeros(2)
+        self._slip = np.zeros(2)  # share of the rolled distance that carries nothing
+        self._slip_until_s = 0.0
+        self._next_slip_s = self._draw_slip_s()
+        self._touching = False
+        self._turned_rad = 0.0
+        self._gyro_t_s = 0.0
+        self.t_s = 0.0
+        self.world_from_base = world.start
+        self.bump_left = self.bump_right = False
+        self.cliff = self.cliff_entered = False
+        self.contacts: list[tuple[float, float]] = []
+        self.battery_v = 16.4
+
+    # ------------------------------------------------------------------ what sensors read
+
+    @property
+    def left_ticks(self) -> int:
+        """Encoder count of the left wheel since start."""
+        return math.floor(self._rolled_m[0] / self._metres_per_tick)
+
+    @property
+    def right_ticks(self) -> int:
+        """Encoder count of the right wheel since start."""
+        return math.floor(self._rolled_m[1] / self._metres_per_tick)
+
+    @property
+    def motor_current_a(self) -> float:
+        """Both motors together: more when pushing against something."""
+        return 0.1 + 0.8 * float(np.abs(self._wheel_mps).sum()) + 0.3 * self._touching
+
+    @property
+    def charging(self) -> bool:
+        """Whether the front touches the dock's plate, straight enough."""
+        at = self._world.start.inverse() @ self.world_from_base
+        return abs(at.x_m) < DOCK_REACH_M and abs(at.y_m) < 0.04 and abs(at.yaw_rad) < 0.2
+
+    def yaw_rate_radps(self) -> float:
+        """A gyro sample: the mean turn rate since the last one, with bias and noise."""
+        dt_s = max(self.t_s - self._gyro_t_s, 1e-9)
+        rate = self._turned_rad / dt_s
+        self._turned_rad, self._gyro_t_s = 0.0, self.t_s
+        self._gyro_bias_radps += self._rng.normal(0.0, self._sim.gyro_walk * math.sqrt(dt_s))
+        return rate + self._gyro_bias_radps + self._rng.normal(0.0, self._sim.gyro_noise_radps)
+
+    # ------------------------------------------------------------------ physics
+
+    def step(self, dt_s: float, left_pwm: float, right_pwm: float) -> None:
+        """Let `dt_s` pass with the given PWM, -1 to 1."""
+        self.t_s += dt_s
+        self._draw_slip()
+        target = np.array([left_pwm, right_pwm]) * self._gain * FULL_SPEED_MPS
+        before = self._wheel_mps
+        share = 1.0 - math.exp(-dt_s / self._sim.motor_lag_s)
+        self._wheel_mps = before + share * (target - before)
+        rolled = 0.5 * (before + self._wheel_mps) * dt_s
+        noise = self._sim.encoder_noise * np.sqrt(np.abs(rolled)) * self._rng.normal(size=2)
+        self._rolled_m += (rolled + noise) * self._scale
+        left, right = (rolled * (1.0 - self._slip)).tolist()
+        turned = (right - left) / self._robot.track_width_m
+        self._move(exp(0.5 * (left + right), 0.0, turned), dt_s)
+        self.battery_v = max(12.0, self.battery_v - 2e-4 * dt_s)
+
+    def carry_to(self, pose: SE2) -> None:
+        """Lift the robot and put it elsewhere (scene coordinates)."""
+        self.world_from_base = pose
+        self._touching = False
+
+    def _move(self, motion: SE2, dt_s: float) -> None:
+        wanted = self.world_from_base @ motion
+        self._turned_rad += motion.yaw_rad
+        x, y, radius = wanted.x_m, wanted.y_m, self._robot.radius_m
+        pressed: list[tuple[float, float]] = []
+        for _ in range(4):
+            distance, nx, ny = _nearest(self._segments, x, y, radius)
+            if distance >= radius:
+                break
+            x, y = x + nx * (radius - distance), y + ny * (radius - distance)
+            pressed.append((nx, ny))
+        self._feel(SE2(x, y, wanted.yaw_rad), wanted, pressed, dt_s)
+        self.world_from_base = SE2(x, y, wanted.yaw_rad)
+        self._look_down()
+
+    def _feel(
+        self, pose: SE2, wanted: SE2, pressed: list[tuple[float, float]], dt_s: float
+    ) -> None:
+        """Bumper and contact speed, from where the rim touches."""
+        if not pressed:
+            reach, nx, ny = _nearest(
+                self._segments, pose.x_m, pose.y_m, self._robot.radius_m + RELEASE_M
+            )
+            held = self._touching and reach < self._robot.radius_m + RELEASE_M
+            pressed = [(nx, ny)] if held else []
+        elif not self._touching and not self._at_dock(pose):
+            moved = (
+                wanted.x_m - self.world_from_base.x_m,
+                wanted.y_m - self.world_from_base.y_m,
+            )
+            closing = max(-(moved[0] * nx + moved[1] * ny) for nx, ny in pressed) / dt_s
+            self.contacts.append((self.t_s, max(0.0, closing)))
+        self._touching = bool(pressed)
+        self.bump_left = self.bump_right = False
+        if self._at_dock(pose):
+            return
+        for nx, ny in pressed:
+            bearing = math.remainder(math.atan2(-ny, -nx) - pose.yaw_rad, 2 * math.pi)
+            if abs(bearing) < FRONT_RAD:
+                self.bump_left |= bearing > -BOTH_SIDES_RAD
+                self.bump_right |= bearing < BOTH_SIDES_RAD
+
+    def _at_dock(self, pose: SE2) -> bool:
+        """The dock's plate is soft: touching it is docking, not a contact."""
+        at = self._world.start.inverse() @ pose
+        return abs(at.x_m) < 2 * DOCK_REACH_M and abs(at.y_m) < 0.08
+
+    def _look_down(self) -> None:
+        if not self._cliffs:
+            return
+        pose, radius = self.world_from_base, self._robot.radius_m
+        rim = pose.apply(
+            np.array([[radius * math.cos(a), radius * math.sin(a)] for a in CLIFF_AHEAD_RAD])
+        )
+        self.cliff = any(_inside(c, x, y) for c in self._cliffs for x, y in rim)
+        half = self._robot.track_width_m / 2
+        wheels = pose.apply(np.array([[0.0, half], [0.0, -half]]))
+        if any(_inside(c, x, y) for c in self._cliffs for x, y in wheels):
+            self.cliff_entered = True
+
+    # ------------------------------------------------------------------ slip
+
+    def _draw_slip_s(self) -> float:
+        if self._sim.slip_every_s <= 0:
+            return math.inf
+        return self._slip_until_s + float(self._rng.exponential(self._sim.slip_every_s)) + 3.0
+
+    def _draw_slip(self) -> None:
+        """Now and then a wheel (or both) slips for a moment."""
+        if self.t_s >= self._next_slip_s:
+            which = self._rng.integers(3)
+            share = float(self._rng.uniform(0.25, self._sim.slip_share))
+            self._slip = share * np.array([which != 1, which != 0], dtype=float)
+            self._slip_until_s = self.t_s + float(self._rng.uniform(0.3, 0.8))
+            self._next_slip_s = self._draw_slip_s()
+        elif self.t_s >= self._slip_until_s:
+            self._slip[:] = 0.0
