@@ -108,30 +108,30 @@ def _candidates(
     rows = np.flatnonzero(fits.any(axis=1))
     if not len(rows):
         return none, none
-    bits = catalogue.hamming(seen.bits[free[rows]])
-    fits = fits[rows] & (bits <= config.max_hamming)
-    cost = np.where(fits, distance[rows] + config.hamming_weight * bits, np.inf)
-    return _unambiguous(cost, free[rows], config.ambiguity)
+    columns = np.flatnonzero(fits.any(axis=0))
+    near = np.ix_(rows, columns)
+    bits = catalogue.hamming(seen.bits[free[rows]], columns)
+    alike = fits[near] & (bits <= config.max_hamming)
+    cost = np.where(alike, distance[near] + config.hamming_weight * bits, np.inf)
+    found, landmark = _unambiguous(cost, config.ambiguity)
+    return free[rows[found]], columns[landmark]
 
 
-def _unambiguous(
-    cost: np.ndarray, index: np.ndarray, margin: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Cheapest pairs first; a sight or landmark whose second choice is as good stays unmatched."""
+def _unambiguous(cost: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the cheapest pairs; who has a second choice as good stays unmatched."""
     cost = cost.copy()
-    found: list[int] = []
-    landmark: list[int] = []
+    rows: list[int] = []
+    columns: list[int] = []
     while np.isfinite(cost).any():
         row, column = divmod(int(np.argmin(cost)), cost.shape[1])
         best = cost[row, column]
         cost[row, column] = np.inf
-        rival = min(cost[row].min(), cost[:, column].min())
-        if rival >= best + margin:
-            found.append(int(index[row]))
-            landmark.append(column)
+        if min(cost[row].min(), cost[:, column].min()) >= best + margin:
+            rows.append(row)
+            columns.append(column)
         cost[row] = np.inf
         cost[:, column] = np.inf
-    return np.array(found, dtype=int), np.array(landmark, dtype=int)
+    return np.array(rows, dtype=int), np.array(columns, dtype=int)
 
 
 def _mahalanobis(ekf: LandmarkFilter, seen: Observations, index: np.ndarray) -> np.ndarray:
@@ -145,10 +145,10 @@ def _mahalanobis(ekf: LandmarkFilter, seen: Observations, index: np.ndarray) -> 
     spread += by_point @ ekf.landmark_covs() @ by_point.transpose(0, 2, 1)
     away = seen.sight[index][:, None, :] - predicted[None]
     away[..., 1] = wrap(away[..., 1])
-    return _quadratic(away, spread[None] + seen.cov[index][:, None])
+    return quadratic(away, spread[None] + seen.cov[index][:, None])
 
 
-def _quadratic(vector: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def quadratic(vector: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """v^T M^-1 v for arrays of 2-vectors and symmetric (2, 2) matrices."""
     a, b, c = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
     x, y = vector[..., 0], vector[..., 1]
@@ -158,8 +158,8 @@ def _quadratic(vector: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 def agreement(pairs: Pairs, gate_chi2: float, unfelt: np.ndarray) -> np.ndarray:
     """Squared distances (p,) of all pairs under the best one-pair hypothesis.
 
-    `unfelt` (3, k): directions and sizes of pose errors that the filter does not expect (slip);
-    they widen the prior here and only here.
+    `unfelt` (3, 1): direction and size of a pose error that the filter does not expect (slip); it
+    widens the prior here and only here.
     """
     p = len(pairs)
     if p == 0:
@@ -173,27 +173,42 @@ def agreement(pairs: Pairs, gate_chi2: float, unfelt: np.ndarray) -> np.ndarray:
     spread = own[:, None] - gain @ joint.transpose(1, 0, 2, 3)
     away[each, each] = pairs.residual
     spread[each, each] = own
-    distance = _quadratic(away, spread)
+    distance = quadratic(away, spread)
     determinant = spread[..., 0, 0] * spread[..., 1, 1] - spread[..., 0, 1] ** 2
     floor = np.linalg.det(pairs.noise)[:, None]
     cost = np.minimum(distance + np.log(np.maximum(determinant / floor, 1e-9)), gate_chi2 + 3.0)
     return distance[:, int(np.argmin(cost.sum(axis=0)))]
 
 
-def unfelt_motion(pairs: Pairs, directions: np.ndarray) -> tuple[float, np.ndarray]:
-    """Test whether the pose moved along `directions` (3, k) without the odometry feeling it.
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEvidence:
+    """What the innovations of a frame say about an error of the pose that nobody expects.
 
-    Returns the generalised likelihood ratio (chi-square of k degrees of freedom where it did not)
-    and the most likely move (3,). Willsky and Jones, IEEE Trans. Automatic Control 1976.
+    The score test of Willsky and Jones (IEEE Trans. Automatic Control 1976): `information` (3, 3)
+    is J^T S^-1 J and `pull` (3,) is J^T S^-1 residual, J the derivative by the pose.
     """
+
+    information: np.ndarray
+    pull: np.ndarray
+
+    def along(self, direction: np.ndarray) -> tuple[float, np.ndarray]:
+        """Chi-square (1 dof) of an error along `direction` (3,), and the likeliest error (3,)."""
+        weight = float(direction @ self.information @ direction)
+        pull = float(direction @ self.pull)
+        return pull * pull / weight, direction * (pull / weight)
+
+    def any_way(self) -> tuple[float, np.ndarray]:
+        """Chi-square (3 dof) of any error, and the likeliest one (3,)."""
+        error = np.linalg.solve(self.information, self.pull)
+        return float(self.pull @ error), error
+
+
+def pose_evidence(pairs: Pairs) -> PoseEvidence:
+    """Evidence of two pairs or more."""
     p = len(pairs)
     spread = pairs.hph.copy()
     for i in range(p):
         spread[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += pairs.noise[i]
-    swing = pairs.jacobian[:, :, :3].reshape(2 * p, 3) @ directions
-    # A pose error of +move leaves h(true) - h(estimate) = J move.
-    weighted = np.linalg.solve(spread, np.column_stack([swing, pairs.residual.reshape(-1)]))
-    information = swing.T @ weighted[:, :-1]
-    pull = swing.T @ weighted[:, -1]
-    move = np.linalg.solve(information, pull)
-    return float(pull @ move), directions @ move
+    by_pose = pairs.jacobian[:, :, :3].reshape(2 * p, 3)
+    weighted = np.linalg.solve(spread, np.column_stack([by_pose, pairs.residual.reshape(-1)]))
+    return PoseEvidence(by_pose.T @ weighted[:, :3], by_pose.T @ weighted[:, 3])

@@ -128,11 +128,9 @@ class Catalogue:
         """Height (n,) of each landmark, NaN unknown."""
         return np.array([entry.height_m for entry in self.entries], dtype=float)
 
-    def hamming(self, bits: np.ndarray) -> np.ndarray:
-        """Smallest Hamming distance (m, n) of signatures (m, 256) to each landmark's."""
-        if not self.entries:
-            return np.zeros((len(bits), 0))
-        bank = np.stack([b for entry in self.entries for b in entry.bits])
-        first = np.cumsum([0, *(len(entry.bits) for entry in self.entries[:-1])])
-        agree = np.maximum.reduceat(bits @ bank.T, first, axis=1)
-        return 0.5 * (BITS - agree)
+    def hamming(self, bits: np.ndarray, among: np.ndarray) -> np.ndarray:
+        """Smallest Hamming distances (m, k) of signatures (m, 256) to the k landmarks `among`."""
+        chosen = [self.entries[int(i)].bits for i in among]
+        bank = np.array([view for views in chosen for view in views])
+        first = np.cumsum([0, *(len(views) for views in chosen[:-1])])
+        return 0.5 * (BITS - np.maximum.reduceat(bits @ bank.T, first, axis=1))

@@ -8,7 +8,7 @@ import numpy as np
 
 from robot.config import SlamConfig
 from robot.messages import Marker
-from robot.slam.association import Pairs, agreement, pair_up, unfelt_motion
+from robot.slam.association import Pairs, agreement, pair_up, pose_evidence, quadratic
 from robot.slam.catalogue import Catalogue, Observations
 from robot.slam.ekf import MARKER, POSE, YAW, LandmarkFilter
 from robot.slam.provisional import Waiting
@@ -75,15 +75,7 @@ class LandmarkMap:
             self._refuse(int(seen.track[pairs.seen[i]]))
         good = pairs.select(self._best(fits, seen, pairs))
         if len(good):
-            self._feel(good, forward)
-            weight = self._weights(good)
-            self._ekf.update(
-                good.columns,
-                good.jacobian,
-                good.residual,
-                good.noise / weight[:, None, None],
-                self._ekf.innovation(good.columns, good.jacobian),
-            )
+            self._update(good, forward[:, 0])
         for i in np.flatnonzero(fits).tolist():
             self._learn(pairs, i, seen, t_ns)
             spoken_for[pairs.seen[i]] = True
@@ -95,23 +87,32 @@ class LandmarkMap:
         order = np.argsort(seen.range_m[pairs.seen[index]], kind="stable")
         return np.sort(index[order[: self._config.max_observations]])
 
-    def _feel(self, pairs: Pairs, forward: np.ndarray) -> None:
-        """Widen the pose where the landmarks show motion that the odometry did not feel."""
-        if len(pairs) < self._config.consensus:
-            return
-        ratio, move = unfelt_motion(pairs, forward)
-        if ratio < self._config.slip_chi2:
-            ratio, move = unfelt_motion(pairs, np.eye(3))
-            if ratio < _ANY_MOVE_CHI2:
-                return
-        self._ekf.inflate(np.outer(move, move))
+    def _update(self, pairs: Pairs, forward: np.ndarray) -> None:
+        """Correct the state; where the odometry missed a motion, believe the landmarks instead."""
+        prepared = pairs.hp, pairs.hph
+        missed = self._missed_motion(pairs, forward)
+        if missed is not None:
+            self._ekf.inflate(np.outer(missed, missed))
+            prepared = self._ekf.innovation(pairs.columns, pairs.jacobian)
+        noise = pairs.noise / self._weights(pairs, prepared[1])[:, None, None]
+        self._ekf.update(pairs.columns, pairs.jacobian, pairs.residual, noise, prepared)
 
-    def _weights(self, pairs: Pairs) -> np.ndarray:
+    def _missed_motion(self, pairs: Pairs, forward: np.ndarray) -> np.ndarray | None:
+        """Pose error (3,) that no honest odometry leaves: slip, or a push from the side."""
+        if len(pairs) < self._config.consensus:
+            return None
+        evidence = pose_evidence(pairs)
+        chi2, error = evidence.along(forward)
+        if chi2 > self._config.slip_chi2:
+            return error
+        chi2, error = evidence.any_way()
+        return error if chi2 > _ANY_MOVE_CHI2 else None
+
+    def _weights(self, pairs: Pairs, hph: np.ndarray) -> np.ndarray:
         """Huber's weights (p,) from each pair's own innovation."""
-        hph = self._ekf.innovation(pairs.columns, pairs.jacobian)[1]
         p = len(pairs)
         own = hph.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + pairs.noise
-        chi2 = np.einsum("pi,pij,pj->p", pairs.residual, np.linalg.inv(own), pairs.residual)
+        chi2 = quadratic(pairs.residual, own)
         return np.minimum(1.0, np.sqrt(self._config.huber_chi2 / np.maximum(chi2, 1e-9)))
 
     def _refuse(self, track: int) -> None:
@@ -156,23 +157,17 @@ class LandmarkMap:
         part = np.clip((seen.sight[:, 1] + 0.65) / 1.3 * sectors, 0, sectors - 1).astype(int)
         crowd = np.bincount(part[spoken_for], minlength=sectors)
         places, _, _ = locate(self._ekf.x[POSE], seen.sight)
-        known = list(zip(self._ekf.landmarks(), self._catalogue.heights_m(), strict=True))
+        known, heights = self._ekf.landmarks(), self._catalogue.heights_m()
         chosen: list[int] = []
         for i in ripe[np.argsort(seen.range_m[ripe], kind="stable")].tolist():
-            if crowd[part[i]] >= self._config.landmarks_per_sector:
-                continue
-            if any(self._same_place(places[i], seen.height_m[i], *other) for other in known):
-                continue
-            known.append((places[i], seen.height_m[i]))
-            crowd[part[i]] += 1
-            chosen.append(i)
+            far = np.hypot(*(known - places[i]).T) >= self._config.spacing_m
+            far |= np.abs(heights - seen.height_m[i]) > self._config.height_gate_m
+            if crowd[part[i]] < self._config.landmarks_per_sector and far.all():
+                known = np.vstack([known, places[i]])
+                heights = np.append(heights, seen.height_m[i])
+                crowd[part[i]] += 1
+                chosen.append(i)
         return np.array(chosen, dtype=int)
-
-    def _same_place(
-        self, place: np.ndarray, height_m: float, other: np.ndarray, other_height_m: float
-    ) -> bool:
-        near = math.hypot(*(place - other)) < self._config.spacing_m
-        return near and not abs(height_m - other_height_m) > self._config.height_gate_m
 
     def _prune(self, t_ns: int) -> None:
         """Drop ghosts, and the least useful landmarks beyond the bound."""

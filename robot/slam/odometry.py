@@ -29,7 +29,7 @@ from robot.slam.motion import (
 _STILL_M = 0.0003  # about one encoder count
 _STILL_RADPS = 0.05
 _STILL_COV = np.diag([1e-5, 1e-5, 1e-5]) ** 2
-_RESOLUTION_M = 0.0005  # of a wheel's travel, once per interval
+RESOLUTION_M = 0.0005  # of a wheel's travel, once per interval
 _TRACK_ERROR = 0.02  # relative: contact points are not where the drawing puts them
 _SLIP_SIGMAS = 4.0
 # How fast the robot may move when nothing measures it, and for how long the same way.
@@ -38,16 +38,22 @@ _BLIND_MPS, _BLIND_RADPS, _BLIND_S = 0.3, 1.0, 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Interval:
-    """Motion over one interval and what it says about the calibration."""
+    """Motion over one interval, and the raw readings behind it (NaN and None: no such sensor)."""
 
     increment: Increment
-    travel_m: float  # rolled by the faster wheel
+    span_s: float
+    left_m: float = math.nan
+    right_m: float = math.nan
+    gyro_yaw_rad: float | None = None
     still: bool = False
     slipped: bool = False
-    gyro_yaw_rad: float | None = None
-    wheel_yaw_rad: float | None = None  # None where there are no wheels
-    wheel_yaw_by_scale: tuple[float, float] = (0.0, 0.0)  # by the left and right scale error
-    wheel_yaw_var: float = 0.0
+
+    @property
+    def travel_m(self) -> float:
+        """Distance rolled by the wheels, or moved where there are none."""
+        motion = self.increment.previous_from_current
+        moved = math.hypot(motion.x_m, motion.y_m)
+        return moved if math.isnan(self.left_m) else max(abs(self.left_m), abs(self.right_m))
 
 
 class Odometry:
@@ -73,44 +79,40 @@ class Odometry:
             gyro -= float(calibration[GYRO_BIAS]) * span_s
         var = self._noise.gyro_rad_per_sqrt_s**2 * span_s
         increment = visual_increment(visual.previous_from_current, visual.cov, gyro, var)
-        motion = increment.previous_from_current
-        return Interval(increment, math.hypot(motion.x_m, motion.y_m), gyro_yaw_rad=gyro)
+        return Interval(increment, span_s, gyro_yaw_rad=gyro)
 
     @staticmethod
     def blind(motion: SE2, span_s: float) -> Interval:
         """A guess of the motion, with the noise of not knowing."""
         wide = np.array([_BLIND_MPS, _BLIND_MPS, _BLIND_RADPS]) * math.sqrt(span_s * _BLIND_S)
-        increment = Increment(motion, np.zeros((3, 3)), np.diag(wide**2))
-        return Interval(increment, _BLIND_MPS * span_s)
+        return Interval(Increment(motion, np.zeros((3, 3)), np.diag(wide**2)), span_s)
 
     def _by_wheels(self, steps: Steps, calibration: np.ndarray) -> Interval:
-        left = float(steps.left_m.sum()) * (1.0 + float(calibration[LEFT_SCALE]))
-        right = float(steps.right_m.sum()) * (1.0 + float(calibration[RIGHT_SCALE]))
-        travel = max(abs(left), abs(right))
         span_s = float(steps.duration_s.sum())
-        gyro = None if steps.yaw_rad is None else float(steps.yaw_rad.sum())
-        if gyro is None:
-            return Interval(wheel_increment(steps, calibration, self._noise), travel)
+        raw = float(steps.left_m.sum()), float(steps.right_m.sum())
+        if steps.yaw_rad is None:
+            return Interval(wheel_increment(steps, calibration, self._noise), span_s, *raw)
+        gyro = float(steps.yaw_rad.sum())
         turn = gyro - float(calibration[GYRO_BIAS]) * span_s
-        if travel < _STILL_M and abs(turn) < _STILL_RADPS * span_s:
+        if max(map(abs, raw)) < _STILL_M and abs(turn) < _STILL_RADPS * span_s:
             stay = Increment(SE2(), np.zeros((3, 3)), _STILL_COV)
-            return Interval(stay, 0.0, still=True, gyro_yaw_rad=gyro)
+            return Interval(stay, span_s, *raw, gyro, still=True)
+        left = raw[0] * (1.0 + float(calibration[LEFT_SCALE]))
+        right = raw[1] * (1.0 + float(calibration[RIGHT_SCALE]))
         width = self._noise.track_width_m
-        wheel_yaw = (right - left) / width
-        var = self._wheel_yaw_var(left, right, turn, span_s)
-        excess_m = (turn - wheel_yaw) * width  # what the left wheel rolled too far
-        slipped = abs(turn - wheel_yaw) > _SLIP_SIGMAS * math.sqrt(var)
+        excess_m = turn * width - (right - left)  # what the left wheel rolled too far
+        sigma_m = width * math.sqrt(self._wheel_yaw_var(left, right, turn, span_s))
+        slipped = abs(excess_m) > _SLIP_SIGMAS * sigma_m
         if slipped:
             increment = self._without_slip(steps, calibration, left, right, excess_m)
         else:
             increment = wheel_increment(steps, calibration, self._noise)
-        by_scale = (-float(steps.left_m.sum()) / width, float(steps.right_m.sum()) / width)
-        return Interval(increment, travel, False, slipped, gyro, wheel_yaw, by_scale, var)
+        return Interval(increment, span_s, *raw, gyro, slipped=slipped)
 
     def _wheel_yaw_var(self, left: float, right: float, turn: float, span_s: float) -> float:
         """Variance of (wheels' turn - gyro's turn) while nothing slips."""
         rolled = self._noise.wheel_m_per_sqrt_m**2 * (abs(left) + abs(right))
-        wheels = (rolled + 2.0 * _RESOLUTION_M**2) / self._noise.track_width_m**2
+        wheels = (rolled + 2.0 * RESOLUTION_M**2) / self._noise.track_width_m**2
         return wheels + self._noise.gyro_rad_per_sqrt_s**2 * span_s + (_TRACK_ERROR * turn) ** 2
 
     def _without_slip(

@@ -13,20 +13,19 @@ from robot.messages import ImuSample, PoseEstimate, Seen, WheelTravel
 from robot.slam.catalogue import collect
 from robot.slam.history import Mark, PoseHistory
 from robot.slam.motion import compose
-from robot.slam.odometry import Interval, Odometry
+from robot.slam.odometry import Odometry
 
 _LAG_NS = 2_000_000_000  # without frames the filter follows the odometry this far behind
 _COAST_NS = 200_000_000  # without odometry the last speed is believed for this long
 _MARKER_SIGMA = 1.0  # m and rad, replaced by the first sight
 _START_SIGMA = 1e-4  # m and rad: the start defines the frame
-_STRAIGHT_RAD = 0.03  # less turn in an interval compares the wheels' diameters
-_BIAS_FLOOR_RADPS = 5e-4
 
 
 class Slam:
     """EKF-SLAM in the frame where the robot started. Pure: fed by events, asked by time."""
 
     def __init__(self, config: SlamConfig, robot: RobotConfig) -> None:
+        from robot.slam.calibration import Calibrator
         from robot.slam.ekf import LandmarkFilter  # filterpy takes a second to import
         from robot.slam.landmark_map import LandmarkMap
 
@@ -36,6 +35,7 @@ class Slam:
         self._ekf = LandmarkFilter(np.array(sigma + [_MARKER_SIGMA] * 3))
         self._map = LandmarkMap(config, self._ekf)
         self._odometry = Odometry(config, robot)
+        self._calibrator = Calibrator(config, robot, self._ekf)
         self._history = PoseHistory()
         self._mark: Mark | None = None
         self._twist = (0.0, 0.0, 0.0)  # per second, for coasting
@@ -107,31 +107,13 @@ class Slam:
             by_increment @ increment.cov @ by_increment.T,
             np.array([self._config.gyro_bias_walk**2 * span_s, 0.0, 0.0]),
         )
-        self._calibrate(interval, span_s)
+        self._calibrator.learn(interval)
         x, y, yaw = increment.previous_from_current.log()
         self._twist = (x / span_s, y / span_s, yaw / span_s)
         self._travel_m += interval.travel_m
         self._moved_m += math.hypot(x, y)
         self._turned_rad += abs(yaw)
         self._mark = self._odometry.buffer.mark(t_ns)
-
-    def _calibrate(self, interval: Interval, span_s: float) -> None:
-        """Learn the gyro's bias at standstill, and the wheels' difference on straights."""
-        if interval.gyro_yaw_rad is None or interval.slipped:
-            return
-        turn = interval.gyro_yaw_rad - self._ekf.x[3] * span_s
-        if interval.still:
-            var = self._config.gyro_noise_rad_per_sqrt_s**2 / span_s + _BIAS_FLOOR_RADPS**2
-            columns, jacobian = np.array([[3]]), np.array([[[1.0]]])
-            away = turn / span_s
-        elif interval.wheel_yaw_rad is not None and abs(turn) < _STRAIGHT_RAD:
-            var = interval.wheel_yaw_var
-            columns, jacobian = np.array([[3, 4, 5]]), np.array([[[span_s, 0.0, 0.0]]])
-            jacobian[0, 0, 1:] = interval.wheel_yaw_by_scale
-            away = turn - interval.wheel_yaw_rad
-        else:
-            return
-        self._ekf.update(columns, jacobian, np.array([[away]]), np.array([[[var]]]))
 
     def _correct(self, seen: Seen) -> None:
         moved = self._moved_m >= self._config.min_move_m

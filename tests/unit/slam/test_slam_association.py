@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robot.config import SlamConfig
-from robot.slam.association import Pairs, agreement, pair_up, unfelt_motion
+from robot.slam.association import Pairs, agreement, pair_up, pose_evidence
 from robot.slam.catalogue import Catalogue, Observations
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
 from robot.slam.sensor import expected
@@ -126,12 +126,13 @@ def test_slip_is_found_and_measured() -> None:
     room = Room(8, sigma_m=0.003)
     room.ekf.P[2, 2] = 0.002**2
     which = np.arange(20)
-    forward = np.array([[1.0], [0.0], [0.0]])
+    forward = np.array([1.0, 0.0, 0.0])
     still, _ = room.accepted(room.look(np.zeros(3), which, 1000 + which))
-    assert unfelt_motion(still, forward)[0] < 9.0
+    assert pose_evidence(still).along(forward)[0] < 9.0
+    assert pose_evidence(still).any_way()[0] < 16.0
     seen = room.look(np.array([-0.06, 0.0, 0.0]), which, 1000 + which)
-    pairs = pair_up(room.ekf, room.catalogue, seen, CONFIG)
-    ratio, move = unfelt_motion(pairs, forward)
-    assert ratio > 25.0
-    assert move == pytest.approx([-0.06, 0.0, 0.0], abs=0.02)
+    evidence = pose_evidence(pair_up(room.ekf, room.catalogue, seen, CONFIG))
+    for chi2, error in (evidence.along(forward), evidence.any_way()):
+        assert chi2 > 25.0
+        assert error == pytest.approx([-0.06, 0.0, 0.0], abs=0.02)
     assert room.ekf.x[POSE] == pytest.approx(np.zeros(3))
