@@ -30,8 +30,12 @@ class Matcher:
 
 
 def _empty_as_nan(fixed: np.ndarray) -> np.ndarray:
-    """OpenCV's fixed point (1/16 px, negative where empty) to px with NaN."""
-    return np.where(fixed < 0, np.float32(np.nan), fixed.astype(np.float32) / 16)
+    """OpenCV's fixed point (1/16 px) to px, NaN where nothing was matched.
+
+    That is negative, or zero: the 3-way mode leaves zeros along the right border, and a true zero
+    would be a point at infinity.
+    """
+    return np.where(fixed <= 0, np.float32(np.nan), fixed.astype(np.float32) / 16)
 
 
 def _padded(compute: Match) -> Match:
@@ -51,8 +55,8 @@ def fair_sgbm() -> Match:
     """SGBM configured as well as it deserves (3-way, small block, padded left border)."""
     block = 3
     engine = cv2.StereoSGBM.create(
-        0, MAX_DISPARITY, block, 4 * block**2, 16 * block**2, uniquenessRatio=10,
-        speckleWindowSize=100, speckleRange=2, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+        0, MAX_DISPARITY, block, 4 * block**2, 16 * block**2, preFilterCap=31,
+        uniquenessRatio=10, speckleWindowSize=100, speckleRange=2, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     )  # fmt: skip
     return _padded(engine.compute)
 
