@@ -64,21 +64,26 @@ def fill_background(disparity_px: np.ndarray) -> np.ndarray:
     some. A map without any value stays NaN.
     """
     known = np.isfinite(disparity_px)
-    height, width = known.shape
-    column = np.broadcast_to(np.arange(width), known.shape)
-    before = np.maximum.accumulate(np.where(known, column, -1), axis=1)
-    reverse = np.where(known, column, width)[:, ::-1]
-    after = np.minimum.accumulate(reverse, axis=1)[:, ::-1]
-    rows = np.arange(height)[:, None]
-    padded = np.pad(disparity_px.astype(np.float32), ((0, 0), (1, 1)), constant_values=np.inf)
-    padded = np.where(np.isfinite(padded), padded, np.inf)
-    filled = np.minimum(padded[rows, before + 1], padded[rows, after + 1])
     some = known.any(axis=1)
     if not some.any():
         return np.full(known.shape, np.nan, np.float32)
+    width = known.shape[1]
+    filled = disparity_px.astype(np.float32)
+    gaps = np.flatnonzero(~known)
+    # A run of gaps ends where the next gap is not its neighbour, or begins a row.
+    starts = np.ones(len(gaps), np.bool_)
+    starts[1:] = (np.diff(gaps) != 1) | (gaps[1:] % width == 0)
+    first = gaps[starts]
+    last = gaps[np.append(starts[1:], True)] if len(gaps) else gaps
+    row = first // width
+    padded = np.pad(np.where(known, filled, np.inf), ((0, 0), (1, 1)), constant_values=np.inf)
+    farther = np.minimum(padded[row, first % width], padded[row, last % width + 2])
+    filled.reshape(-1)[gaps] = farther[np.cumsum(starts) - 1]
+    if some.all():
+        return filled
     present = np.flatnonzero(some)
-    nearest = present[np.argmin(np.abs(np.arange(height)[:, None] - present), axis=1)]
-    return filled[nearest].astype(np.float32)
+    nearest = np.abs(np.arange(len(some))[:, None] - present).argmin(axis=1)
+    return filled[present[nearest]]
 
 
 def mean_errors(errors: list[StereoErrors]) -> StereoErrors:
