@@ -105,6 +105,10 @@ class Link:
         self._counters.framing_errors = self._decoder.framing_errors
         return self._counters
 
+    def close(self) -> None:
+        """Let go of the line."""
+        self._transport.close()
+
     # ------------------------------------------------------------------ orders
 
     def drive(self, now_ns: int, order: Drive) -> bool:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.errors import BridgeError
 from robot.errors import SweeperError
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE = 0, 1, 2
@@ -31,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     verb: Callable[[argparse.Namespace], int] = arguments.function
     try:
         return verb(arguments)
-    except SweeperError as error:
+    except (SweeperError, BridgeError) as error:
         print(f"sweeper: {error}", file=sys.stderr)
         return EXIT_USAGE
     except KeyboardInterrupt:

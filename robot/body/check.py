@@ -9,10 +9,11 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from robot.body.sources import open_calibration, open_depth, open_stereo, open_wheels
+from robot.body.sources import open_calibration, open_depth, open_stereo
 from robot.config import Config
-from robot.errors import SweeperError
+from robot.errors import HardwareError, SweeperError
 from robot.hardware.imu_i2c import Imu, open_bus
+from robot.hardware.wheels import WheelBridge, open_wheels
 from robot.messages import LinkState, StopOrder
 
 Finding = dict[str, str]
@@ -41,21 +42,29 @@ def check(config: Config) -> list[Finding]:
     return [*findings, *_machine()]
 
 
-def stop_motors(config: Config, timeout_s: float = 2.0) -> str:
+def stop_motors(config: Config) -> str:
     """Latch a stop in the motor controller; returns a sentence. Raises HardwareError."""
-    wheels, transport = open_wheels(config)
-    end_s = time.monotonic() + timeout_s
+    wheels = open_wheels(config.robot, config.link)
+    asked = False
     try:
-        while time.monotonic() < end_s:
-            for event in wheels.poll(time.monotonic_ns()):
-                if isinstance(event, LinkState) and event.connected:
-                    if event.stop_reason:
-                        return f"The motor controller has stopped: {event.stop_reason}."
-                    wheels.send(StopOrder(time.monotonic_ns(), "asked from the command line"))
-            time.sleep(0.01)
+        for state in _link_states(wheels):
+            if state.stop_reason and asked:
+                return f"The motor controller has stopped: {state.stop_reason}."
+            wheels.send(StopOrder(state.t_ns, "asked from the command line"))
+            asked = True
     finally:
-        transport.close()
+        wheels.close()
     raise _no_answer(config)
+
+
+def _link_states(wheels: WheelBridge, timeout_s: float = 3.0) -> Iterator[LinkState]:
+    """What the connected controller says of itself, for a while."""
+    end_s = time.monotonic() + timeout_s
+    while time.monotonic() < end_s:
+        for event in wheels.poll(time.monotonic_ns()):
+            if isinstance(event, LinkState) and event.connected:
+                yield event
+        time.sleep(0.01)
 
 
 def _run(code: str, function: Callable[[Config], str], config: Config) -> Finding:
@@ -70,8 +79,8 @@ def _finding(code: str, level: str, cause: str, remedy: str) -> Finding:
     return {"code": code, "level": level, "cause": cause, "remedy": remedy}
 
 
-def _no_answer(config: Config) -> SweeperError:
-    return SweeperError(
+def _no_answer(config: Config) -> HardwareError:
+    return HardwareError(
         f"link.port = '{config.link.port or 'automatic'}': the motor controller does not answer; "
         "check its power and that its firmware is Sweeper's."
     )
@@ -91,7 +100,7 @@ def _camera(config: Config) -> str:
     camera = open_stereo(config)
     try:
         if camera.read() is None:
-            raise SweeperError(
+            raise HardwareError(
                 f"camera.device = '{config.camera.device}' delivers no frame; replug the camera."
             )
     finally:
@@ -100,17 +109,13 @@ def _camera(config: Config) -> str:
 
 
 def _wheels(config: Config) -> str:
-    wheels, transport = open_wheels(config)
-    end_s = time.monotonic() + 2.0
+    wheels = open_wheels(config.robot, config.link)
     try:
-        while time.monotonic() < end_s:
-            for event in wheels.poll(time.monotonic_ns()):
-                if isinstance(event, LinkState) and event.connected:
-                    return "the motor controller answers"
-            time.sleep(0.01)
+        if next(_link_states(wheels), None) is None:
+            raise _no_answer(config)
     finally:
-        transport.close()
-    raise _no_answer(config)
+        wheels.close()
+    return "the motor controller answers"
 
 
 def _gyro(config: Config) -> str:

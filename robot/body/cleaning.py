@@ -16,11 +16,12 @@ from robot.body.live import LiveBody
 from robot.body.notify import Notifier
 from robot.body.observe import Observer, Snapshot
 from robot.body.simulated import SimulatedBody
-from robot.body.sources import open_gyro, open_perception, open_stereo, open_wheels
+from robot.body.sources import open_gyro, open_perception, open_stereo, read_calibration
 from robot.body.summary import Judge, summarise, write_run_folder
 from robot.brain import Brain
 from robot.config import Config, dump_config
 from robot.errors import SweeperError
+from robot.hardware.wheels import open_wheels
 from robot.log.writer import LogHeader, LogWriter
 from robot.run import run
 
@@ -58,6 +59,9 @@ def run_cleaning(
             scene=options.scene if judge else "",
             seed=options.seed,
             body=options.body,
+            wall_time=datetime.now(UTC).isoformat(timespec="seconds"),
+            calibration=read_calibration(config) if config.camera.calibration else "",
+            calibration_name=config.camera.calibration,
         )
         log = stack.enter_context(LogWriter(folder / "log.mcap", header, config.log))
         observer = Observer(log, log, progress, judge.covered_pct if judge else None)
@@ -116,8 +120,8 @@ def _simulated(
 
 
 def _live(options: RunOptions, config: Config, observer: Observer, stack: ExitStack) -> LiveBody:
-    wheels, transport = open_wheels(config)
-    stack.callback(transport.close)
+    wheels = open_wheels(config.robot, config.link)
+    stack.callback(wheels.close)
     control = None
     if options.socket is not None:
         control = ControlSocket(options.socket)

@@ -11,18 +11,27 @@ import tomllib
 from importlib import resources
 from pathlib import Path
 
-from firmware_bridge.link import Link
-from firmware_bridge.transport import SerialTransport
 from robot.config import Config
 from robot.errors import CalibrationError, HardwareError, ModelError
 from robot.geometry.stereo import StereoCamera
 from robot.hardware.imu_i2c import Imu, open_bus
 from robot.hardware.uvc import UvcStereo
-from robot.hardware.wheels import WheelBridge, open_transport
 from robot.perception.calibration import parse_calibration
 from robot.perception.chain import Perception
 from robot.perception.depth import Depth, make_depth
 from robot.perception.rectify import Rectifier
+
+
+def read_calibration(config: Config) -> str:
+    """Text of the file `camera.calibration`. Raises CalibrationError when it cannot be read."""
+    name = config.camera.calibration
+    try:
+        return Path(name).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CalibrationError(
+            f"camera.calibration = '{name}' cannot be read ({error}); calibrate the cameras, or "
+            "name an existing ROS camera_info, OpenCV or EuRoC file."
+        ) from None
 
 
 def open_calibration(config: Config) -> Rectifier | None:
@@ -30,19 +39,11 @@ def open_calibration(config: Config) -> Rectifier | None:
 
     Raises CalibrationError when the file is missing or unfit.
     """
-    name = config.camera.calibration
-    if not name:
-        return None
-    try:
-        text = Path(name).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CalibrationError(
-            f"camera.calibration = '{name}' cannot be read ({error}); calibrate the cameras, or "
-            "name an existing ROS camera_info, OpenCV or Kalibr file."
-        ) from None
     camera = config.camera
+    if not camera.calibration:
+        return None
     return Rectifier(
-        parse_calibration(text, name),
+        parse_calibration(read_calibration(config), camera.calibration),
         camera.width_px,
         camera.height_px,
         camera.stereo_camera().base_from_cam,
@@ -67,12 +68,6 @@ def open_perception(config: Config) -> Perception:
         rectifier,
         clock=time.perf_counter_ns,
     )
-
-
-def open_wheels(config: Config) -> tuple[WheelBridge, SerialTransport]:
-    """The motor controller on its serial port. Raises HardwareError when there is none."""
-    transport = open_transport(config.link)
-    return WheelBridge(Link(transport), config.robot, config.link), transport
 
 
 def open_stereo(config: Config) -> UvcStereo:

@@ -68,6 +68,10 @@ class WheelBridge:
         self._said: tuple[bool, str] | None = None
         self._said_ns = 0
 
+    def close(self) -> None:
+        """Let go of the serial port."""
+        self.link.close()
+
     # ------------------------------------------------------------------ events
 
     def poll(self, now_ns: int) -> list[Event]:

@@ -78,6 +78,6 @@ def _draw(pipe: Connection, scene: str, camera: StereoCamera, sim: SimConfig, se
             frame, disparity = rig.render(t_ns, seq, pose)
             pipe.send((t_ns, seq, disparity.shape))
             for image in (frame.left, frame.right, disparity):
-                pipe.send_bytes(np.ascontiguousarray(image))
+                pipe.send_bytes(image.tobytes())
     except (EOFError, OSError, KeyboardInterrupt):
         return
