@@ -19,6 +19,7 @@ FULL_SPEED_MPS = 0.6  # rim speed at full PWM, what the firmware's feed-forward 
 FRONT_RAD = math.radians(100.0)  # the bumper reaches a little past the sides
 BOTH_SIDES_RAD = math.radians(15.0)
 CLIFF_AHEAD_RAD = (-0.8, -0.3, 0.3, 0.8)  # the four sensors under the front rim
+GATHER_M = 0.5
 RELEASE_M = 0.002  # the bumper's spring
 
 
@@ -61,7 +62,8 @@ class SimBase:
         self._world, self._robot, self._sim = world, robot, sim
         self._metres_per_tick = metres_per_tick
         self._rng = np.random.default_rng([seed, 17])
-        self._segments = np.ascontiguousarray(world.segments())
+        self._all_segments = world.segments()
+        self._segments, self._gathered = self._all_segments, SE2(math.inf, 0.0, 0.0)
         self._cliffs = [np.ascontiguousarray(c, dtype=np.float64) for c in world.cliffs]
         uniform = self._rng.uniform
         self._scale = 1.0 + uniform(-sim.wheel_scale_error, sim.wheel_scale_error, 2)
@@ -138,6 +140,7 @@ class SimBase:
 
     def _move(self, motion: SE2, dt_s: float) -> None:
         wanted = self.world_from_base @ motion
+        self._gather(wanted)
         self._turned_rad += motion.yaw_rad
         x, y, radius = wanted.x_m, wanted.y_m, self._robot.radius_m
         pressed: list[tuple[float, float]] = []
@@ -150,6 +153,15 @@ class SimBase:
         self._feel(SE2(x, y, wanted.yaw_rad), wanted, pressed, dt_s)
         self.world_from_base = SE2(x, y, wanted.yaw_rad)
         self._look_down()
+
+    def _gather(self, pose: SE2) -> None:
+        """Keep only the walls around at hand: a house from a mesh has many thousands."""
+        if pose.distance_m(self._gathered) < GATHER_M:
+            return
+        reach = 2 * GATHER_M + self._robot.radius_m
+        x, y = self._all_segments[:, 0::2] - pose.x_m, self._all_segments[:, 1::2] - pose.y_m
+        near = (x.min(1) < reach) & (x.max(1) > -reach) & (y.min(1) < reach) & (y.max(1) > -reach)
+        self._segments, self._gathered = np.ascontiguousarray(self._all_segments[near]), pose
 
     def _feel(
         self, pose: SE2, wanted: SE2, pressed: list[tuple[float, float]], dt_s: float

@@ -7,13 +7,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from robot.config import RobotConfig
 from robot.geometry.se2 import SE2
 from robot.sim.mesh import Mesh, MeshBuilder
 from robot.sim.renderer import TextureAtlas
-from robot.sim.textures import Texture, make_texture
+from robot.sim.textures import Texture, make_texture, marker
 
 LOWEST_BUMP_M, HIGHEST_BUMP_M = 0.02, 0.10  # between these heights a thing is in the robot's way
 LIGHT_STEP_M = 0.25
+DOCK_PLATE_M = 0.09  # the plate reaches this far out from the marker's face
+DOCK_WIDTH_M, DOCK_HEIGHT_M, PLATE_HEIGHT_M, PANEL_THICK_M = 0.20, 0.17, 0.03, 0.03
+MARKER_CENTRE_M = 0.09  # above the floor: the height of the eyes
+MARKER_MARGIN = 0.12  # white border, as a share of the printed side
 AMBIENT, SKY = 0.55, 0.25
 
 
@@ -111,3 +116,22 @@ def along(start: SE2, length_m: float) -> tuple[float, float]:
         start.x_m + length_m * math.cos(start.yaw_rad),
         start.y_m + length_m * math.sin(start.yaw_rad),
     )
+
+
+def docked_pose(dock: SE2, robot: RobotConfig) -> SE2:
+    """Where the robot stands when its front touches the dock's plate."""
+    return dock @ SE2(DOCK_PLATE_M + robot.radius_m, 0.0, math.pi)
+
+
+def build_dock(building: Building, dock: SE2, robot: RobotConfig) -> None:
+    """A panel with the marker, and a low plate with the charge contacts in front of it."""
+    back = dock @ SE2(-PANEL_THICK_M / 2, 0.0, 0.0)
+    building.box(back, (PANEL_THICK_M, DOCK_WIDTH_M, DOCK_HEIGHT_M), "dark_wood:7")
+    plate = dock @ SE2(DOCK_PLATE_M / 2, 0.0, 0.0)
+    building.box(plate, (DOCK_PLATE_M, DOCK_WIDTH_M, PLATE_HEIGHT_M), "metal:2")
+    side = robot.dock_marker_size_m * (1.0 + 2.0 * MARKER_MARGIN)
+    index, _ = building.texture("marker", marker(robot.dock_marker_id, MARKER_MARGIN))
+    ends = (dock @ SE2(0.001, 0.0, 0.0)).apply(np.array([[0.0, -side / 2], [0.0, side / 2]]))
+    low, high = MARKER_CENTRE_M - side / 2, MARKER_CENTRE_M + side / 2
+    corners = np.array([[*ends[0], low], [*ends[1], low], [*ends[1], high], [*ends[0], high]])
+    building.builder.add(corners, np.array([[0, 1], [1, 1], [1, 0], [0, 0]]), index, glow=1.0)

@@ -177,7 +177,7 @@ def _bilinear(texels, offset, log2_w, log2_h, u, v):
 
 
 @njit(**_OPTIONS)
-def _sample(texels, offsets, log2_w, log2_h, levels, u, v, dux, dvx, duy, dvy, anisotropy):
+def _sample(texels, offsets, t, log2_w, log2_h, levels, u, v, dux, dvx, duy, dvy, anisotropy):
     """Filtered texture at (u, v), texels of level 0, for the pixel's footprint.
 
     Several trilinear-free taps along the footprint's longer axis, on the level that fits one tap.
@@ -202,8 +202,8 @@ def _sample(texels, offsets, log2_w, log2_h, levels, u, v, dux, dvx, duy, dvy, a
     u0 = u * scale - 0.5 * (taps - 1) * su
     v0 = v * scale - 0.5 * (taps - 1) * sv
     total = 0.0
-    for t in range(taps):
-        total += _bilinear(texels, offsets[level], lw, lh, u0 + t * su, v0 + t * sv)
+    for k in range(taps):
+        total += _bilinear(texels, offsets[t, level], lw, lh, u0 + k * su, v0 + k * sv)
     return total / taps
 
 
@@ -220,19 +220,22 @@ def _light(light, offset, columns, rows, u, v):
 
 
 @njit(**_OPTIONS)
-def _grey(g, i, x, y, texture, texels, offsets, log2_size, levels, light_map, light, anisotropy):
-    """Grey of visible triangle `i` with planes `g` at screen position (x, y)."""
-    z = 1.0 / (g[0] * x + g[1] * y + g[2])
-    u = (g[3] * x + g[4] * y + g[5]) * z
-    v = (g[6] * x + g[7] * y + g[8]) * z
+def _grey(g, k, i, x, y, texture, texels, offsets, log2_size, levels, light_map, light, anisotropy):
+    """Grey of visible triangle `k`, the mesh's triangle `i`, at screen position (x, y).
+
+    Rows of the arrays are never sliced off: a slice would be counted in and out at each pixel.
+    """
+    z = 1.0 / (g[k, 0] * x + g[k, 1] * y + g[k, 2])
+    u = (g[k, 3] * x + g[k, 4] * y + g[k, 5]) * z
+    v = (g[k, 6] * x + g[k, 7] * y + g[k, 8]) * z
     t = texture[i]
     grey = _sample(
-        texels, offsets[t], log2_size[t, 0], log2_size[t, 1], levels[t], u, v,
-        (g[3] - u * g[0]) * z, (g[6] - v * g[0]) * z,
-        (g[4] - u * g[1]) * z, (g[7] - v * g[1]) * z, anisotropy,
+        texels, offsets, t, log2_size[t, 0], log2_size[t, 1], levels[t], u, v,
+        (g[k, 3] - u * g[k, 0]) * z, (g[k, 6] - v * g[k, 0]) * z,
+        (g[k, 4] - u * g[k, 1]) * z, (g[k, 7] - v * g[k, 1]) * z, anisotropy,
     )  # fmt: skip
-    lu = (g[9] * x + g[10] * y + g[11]) * z
-    lv = (g[12] * x + g[13] * y + g[14]) * z
+    lu = (g[k, 9] * x + g[k, 10] * y + g[k, 11]) * z
+    lv = (g[k, 12] * x + g[k, 13] * y + g[k, 14]) * z
     return grey * _light(light, light_map[i, 0], light_map[i, 1], light_map[i, 2], lu, lv)
 
 
@@ -249,9 +252,8 @@ def shade(visible, planes, source, texture, texels, offsets, log2_size, levels,
                     grey[y, x] = background
                     inverse_depth[y, x] = 0.0
                     continue
-                g = planes[k]
-                inverse_depth[y, x] = g[0] * x + g[1] * y + g[2]
-                grey[y, x] = _grey(g, source[k], x, y, texture, texels, offsets, log2_size,
+                inverse_depth[y, x] = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2]
+                grey[y, x] = _grey(planes, k, source[k], x, y, texture, texels, offsets, log2_size,
                                    levels, light_map, light, anisotropy)  # fmt: skip
                 continue
             total, most, depth = 0.0, 0, 0.0
@@ -271,13 +273,12 @@ def shade(visible, planes, source, texture, texels, offsets, log2_size, levels,
                 if k < 0:
                     total += n * background
                 else:
-                    g = planes[k]
                     px, py = x + sx / n, y + sy / n
-                    total += n * _grey(g, source[k], px, py, texture, texels, offsets, log2_size,
+                    total += n * _grey(planes, k, source[k], px, py, texture, texels, offsets, log2_size,
                                        levels, light_map, light, anisotropy)  # fmt: skip
-                    w = g[0] * x + g[1] * y + g[2]
+                    w = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2]
                     if w <= 0.0:
-                        w = g[0] * px + g[1] * py + g[2]
+                        w = planes[k, 0] * px + planes[k, 1] * py + planes[k, 2]
                 # The pixel's depth is that of the surface with most samples, else the nearest.
                 if n > most or (n == most and w > depth):
                     most, depth = n, w

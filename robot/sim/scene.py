@@ -18,16 +18,12 @@ from msgspec import Struct
 from robot.config import RobotConfig
 from robot.errors import SceneError
 from robot.geometry.se2 import SE2
-from robot.sim.building import Building, along
-from robot.sim.textures import marker
+from robot.sim.building import Building, along, build_dock, docked_pose
 from robot.sim.world import World
 
 Point = tuple[float, float]
 Span = tuple[float, float]
 WALL_THICK_M = 0.10
-DOCK_PLATE_M = 0.09  # the plate reaches this far out from the marker's face
-DOCK_WIDTH_M, DOCK_HEIGHT_M, PLATE_HEIGHT_M, PANEL_THICK_M = 0.20, 0.17, 0.03, 0.03
-MARKER_CENTRE_M = 0.09  # above the floor: the height of the eyes
 
 
 class Strict(Struct, frozen=True, forbid_unknown_fields=True):
@@ -166,28 +162,6 @@ def build_scene(table: SceneTable, name: str, robot: RobotConfig) -> World:
     return World(
         name, mesh, atlas, tuple(building.obstacles), cliffs, dock, docked_pose(dock, robot)
     )
-
-
-def docked_pose(dock: SE2, robot: RobotConfig) -> SE2:
-    """Where the robot stands when its front touches the dock's plate."""
-    return dock @ SE2(DOCK_PLATE_M + robot.radius_m, 0.0, math.pi)
-
-
-def build_dock(building: Building, dock: SE2, robot: RobotConfig) -> None:
-    """A panel with the marker, and a low plate with the charge contacts in front of it."""
-    back = dock @ SE2(-PANEL_THICK_M / 2, 0.0, 0.0)
-    building.box(back, (PANEL_THICK_M, DOCK_WIDTH_M, DOCK_HEIGHT_M), "dark_wood:7")
-    plate = dock @ SE2(DOCK_PLATE_M / 2, 0.0, 0.0)
-    building.box(plate, (DOCK_PLATE_M, DOCK_WIDTH_M, PLATE_HEIGHT_M), "metal:2")
-    share = 0.12
-    side = robot.dock_marker_size_m * (1.0 + 2.0 * share)
-    building.texture("marker", marker(robot.dock_marker_id, share))
-    ahead = dock @ SE2(0.001, 0.0, 0.0)
-    ends = ahead.apply(np.array([[0.0, -side / 2], [0.0, side / 2]]))
-    low, high = MARKER_CENTRE_M - side / 2, MARKER_CENTRE_M + side / 2
-    corners = np.array([[*ends[0], low], [*ends[1], low], [*ends[1], high], [*ends[0], high]])
-    index = building._textures["marker"]
-    building.builder.add(corners, np.array([[0, 1], [1, 1], [1, 0], [0, 0]]), index, glow=1.0)
 
 
 def _wall(building: Building, wall: WallTable, height_m: float) -> None:

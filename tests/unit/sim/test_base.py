@@ -1,0 +1,125 @@
+"""The simulated body: wheels, walls, bumper, stairs, dock, gyro."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot.config import RobotConfig, SimConfig
+from robot.geometry.se2 import SE2, exp
+from robot.sim.base import SimBase
+from robot.sim.scene import load_scene
+
+ROBOT = RobotConfig()
+TICK_M = 0.0002
+
+
+def base_in(world, sim, seed=1):
+    return SimBase(world, ROBOT, sim, seed, metres_per_tick=TICK_M)
+
+
+def drive(base, left, right, seconds, dt_s=0.005):
+    for _ in range(round(seconds / dt_s)):
+        base.step(dt_s, left, right)
+
+
+def test_without_faults_the_encoders_tell_the_truth(flat, perfect):
+    base = base_in(flat, perfect)
+    estimate, last = base.world_from_base, (0, 0)
+    for k in range(800):
+        base.step(0.005, -0.3 - 0.1 * math.sin(k / 90), -0.3 + 0.1 * math.sin(k / 70))
+        ticks = base.left_ticks, base.right_ticks
+        left, right = ((b - a) * TICK_M for a, b in zip(last, ticks, strict=True))
+        estimate = estimate @ exp((left + right) / 2, 0.0, (right - left) / ROBOT.track_width_m)
+        last = ticks
+    assert estimate.distance_m(base.world_from_base) < 0.005
+    assert base.contacts == []
+
+
+def test_a_slip_rolls_farther_than_it_carries(flat, perfect):
+    sim = SimConfig(**{f: getattr(perfect, f) for f in perfect.__struct_fields__} | {
+        "slip_every_s": 0.01, "slip_share": 0.5})  # fmt: skip
+    base = base_in(flat, sim)
+    start = base.world_from_base
+    drive(base, -0.2, -0.2, 4.5)
+    rolled = -(base.left_ticks + base.right_ticks) / 2 * TICK_M
+    assert start.distance_m(base.world_from_base) < 0.99 * rolled
+
+
+def test_driving_into_a_wall_presses_the_bumper_and_stops(flat, perfect):
+    base = base_in(flat, perfect)
+    base.carry_to(SE2(2.3, 2.05, 0.0))  # facing the wall between the doors
+    drive(base, 0.35, 0.35, 4.0)
+    assert base.world_from_base.x_m <= 2.95 - ROBOT.radius_m + 1e-6
+    assert base.bump_left and base.bump_right
+    assert len(base.contacts) == 1
+    assert base.contacts[0][1] == pytest.approx(0.21, abs=0.02)
+
+
+@pytest.mark.parametrize(("yaw_deg", "side"), [(50.0, "right"), (-50.0, "left")])
+def test_a_glancing_touch_presses_its_own_side(flat, perfect, yaw_deg, side):
+    base = base_in(flat, perfect)
+    base.carry_to(SE2(2.6, 2.05, math.radians(yaw_deg)))
+    drive(base, 0.2, 0.2, 3.0)
+    assert (base.bump_left, base.bump_right) == (side == "left", side == "right")
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=3, max_size=12))
+def test_nothing_is_ever_driven_through(orders):
+    world = load_scene_once()
+    base = base_in(world, SimConfig(), seed=3)
+    base.carry_to(SE2(1.5, 1.4, 0.3))
+    walls = world.segments()
+    for left, right in orders:
+        drive(base, left, right, 0.6)
+        p = np.array([base.world_from_base.x_m, base.world_from_base.y_m])
+        a, b = walls[:, :2], walls[:, 2:] - walls[:, :2]
+        t = np.clip(np.sum((p - a) * b, axis=1) / np.sum(b * b, axis=1), 0, 1)
+        nearest = np.hypot(*(a + t[:, None] * b - p).T).min()
+        assert nearest > ROBOT.radius_m - 0.005
+
+
+def load_scene_once(_cache=[]):  # noqa: B006
+    if not _cache:
+        _cache.append(load_scene("flat"))
+    return _cache[0]
+
+
+def test_stairs_are_felt_before_a_wheel_goes_over(perfect):
+    base = base_in(load_scene("stairs"), perfect)
+    base.carry_to(SE2(2.8, 1.9, 0.0))
+    while not base.cliff:
+        base.step(0.005, 0.3, 0.3)
+    assert not base.cliff_entered
+    drive(base, 0.3, 0.3, 2.0)
+    assert base.cliff_entered
+
+
+def test_it_charges_on_the_dock_and_only_there(flat, perfect):
+    base = base_in(flat, perfect)
+    assert base.charging and base.contacts == []
+    drive(base, -0.3, -0.3, 1.5)
+    assert not base.charging
+    drive(base, 0.1, 0.1, 8.0)
+    assert base.charging and base.contacts == [] and not base.bump_left
+
+
+def test_the_gyro_shows_the_turn_rate(flat, perfect):
+    base = base_in(flat, perfect)
+    base.carry_to(SE2(1.5, 1.4, 0.0))
+    drive(base, -0.2, 0.2, 1.0)
+    base.yaw_rate_radps()
+    drive(base, -0.2, 0.2, 0.5)
+    assert base.yaw_rate_radps() == pytest.approx(2 * 0.2 * 0.6 / ROBOT.track_width_m, rel=0.01)
+
+
+def test_a_seed_is_a_life(flat):
+    poses = []
+    for seed in (4, 4, 5):
+        base = base_in(flat, SimConfig(), seed)
+        drive(base, -0.3, -0.25, 3.0)
+        poses.append((base.world_from_base, base.yaw_rate_radps()))
+    assert poses[0] == poses[1] != poses[2]
