@@ -161,7 +161,7 @@ def rasterise(corners, owner, count, planes, nearest, visible):
                         row_v[x] = k
 
 
-@njit(**_OPTIONS)
+@njit(inline="always", **_OPTIONS)
 def _bilinear(texels, offset, log2_w, log2_h, u, v):
     """Repeating bilinear look-up; (u, v) in texels of this level, centres at halves."""
     x, y = u - 0.5, v - 0.5
@@ -176,7 +176,7 @@ def _bilinear(texels, offset, log2_w, log2_h, u, v):
     return (1.0 - b) * top + b * bottom
 
 
-@njit(**_OPTIONS)
+@njit(inline="always", **_OPTIONS)
 def _sample(texels, offsets, t, log2_w, log2_h, levels, u, v, dux, dvx, duy, dvy, anisotropy):
     """Filtered texture at (u, v), texels of level 0, for the pixel's footprint.
 
@@ -207,7 +207,7 @@ def _sample(texels, offsets, t, log2_w, log2_h, levels, u, v, dux, dvx, duy, dvy
     return total / taps
 
 
-@njit(**_OPTIONS)
+@njit(inline="always", **_OPTIONS)
 def _light(light, offset, columns, rows, u, v):
     """Bilinear light, clamped to the face's map."""
     u = min(max(u, 0.0), columns - 1.0)
@@ -219,7 +219,7 @@ def _light(light, offset, columns, rows, u, v):
     return (1.0 - b) * top + b * ((1.0 - a) * light[r + columns] + a * light[r + columns + 1])
 
 
-@njit(**_OPTIONS)
+@njit(inline="always", **_OPTIONS)
 def _grey(g, k, i, x, y, texture, texels, offsets, log2_size, levels, light_map, light, anisotropy):
     """Grey of visible triangle `k`, the mesh's triangle `i`, at screen position (x, y).
 
