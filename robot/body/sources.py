@@ -16,7 +16,7 @@ from robot.errors import CalibrationError, HardwareError, ModelError
 from robot.geometry.stereo import StereoCamera
 from robot.hardware.imu_i2c import Imu, open_bus
 from robot.hardware.uvc import UvcStereo
-from robot.perception.calibration import parse_calibration
+from robot.perception.calibration_files import parse_calibration
 from robot.perception.chain import Perception
 from robot.perception.depth import Depth, make_depth
 from robot.perception.rectify import Rectifier
