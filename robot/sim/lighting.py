@@ -14,7 +14,6 @@ import numpy as np
 from numba import njit
 
 from robot.sim.mesh import LightSamples
-from robot.sim.solids import Prism
 
 _LAMP_RADIUS_M = 0.18
 _LAMP_POINTS = 4
@@ -24,12 +23,21 @@ _SKY_REACH_M = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A small bright ball; `power` is the light on a face one metre below."""
+    """A bright ball; `power` is roughly the light that it throws on a face one metre below."""
 
     x_m: float
     y_m: float
     z_m: float
     power: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solid:
+    """Something that throws a shadow: a convex outline (k, 2), counter-clockwise from above."""
+
+    outline_m: np.ndarray
+    low_m: float
+    high_m: float
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -111,10 +119,10 @@ def _bake(position, normal, two_sided, lamps, ambient, lamp_points, sky, points,
 
 
 def bake(
-    samples: LightSamples, lamps: list[Lamp], ambient: float, solids: list[Prism]
+    samples: LightSamples, lamps: list[Lamp], ambient: float, solids: list[Solid]
 ) -> np.ndarray:
     """Light (m,) float32 at the samples; `solids` throw the shadows."""
-    points = [prism.outline_m for prism in solids]
+    points = [solid.outline_m for solid in solids]
     first = np.cumsum([0, *(len(p) for p in points)])
     disc = np.zeros((len(solids), 3))
     for i, outline in enumerate(points):
@@ -131,8 +139,8 @@ def bake(
         _sphere(_SKY_RAYS),
         np.concatenate(points) if points else np.zeros((0, 2)),
         first,
-        np.array([prism.bottom_m for prism in solids]),
-        np.array([prism.top_m for prism in solids]),
+        np.array([solid.low_m for solid in solids]),
+        np.array([solid.high_m for solid in solids]),
         disc,
         light,
     )
