@@ -71,16 +71,33 @@ class PerceptionConfig(Section):
 
     matcher: Literal["onnx", "sgbm", "given"] = "sgbm"
     model: str = ""  # ONNX file; empty: the manifest's default
-    max_disparity_px: Count = 64
+    onnx_threads: Annotated[int, Meta(ge=1, le=16)] = 1
+    max_disparity_px: Annotated[int, Meta(ge=16, le=256, multiple_of=16)] = 64
+    min_confidence: Fraction = 0.5  # of the network's own confidence
+    image_noise: NotNegative = 2.0  # grey levels of one sigma; flat walls are told by it
+    # scan
+    min_obstacle_m: Positive = 0.02  # lower things are driven over
+    max_obstacle_m: Positive = 0.12  # higher things are driven under
+    scan_range_m: Annotated[float, Meta(gt=0.2, le=10.0)] = 3.0
+    scan_bearings: Annotated[int, Meta(ge=8, le=720)] = 120
+    # landmarks
+    max_tracks: Annotated[int, Meta(ge=8, le=500)] = 120
+    max_landmarks: Count = 40  # handed on per frame
+    landmark_age: Count = 8  # frames that a point must have been followed
+    landmark_range_m: Positive = 5.0
+    edges: bool = True  # vertical edges beside points
+    # dock marker
+    marker_every: Count = 3  # frames between two searches while no marker is in sight
 
 
 class SlamConfig(Section):
     """The EKF and its association."""
 
     # odometry
-    wheel_noise_m_per_sqrt_m: Positive = 0.01  # random walk of each wheel's travel
+    wheel_noise_m_per_sqrt_m: Positive = 0.004  # random walk of a wheel's travel on firm floor
+    slip_noise_m_per_sqrt_m: NotNegative = 0.025  # and by slips that nothing notices
     wheel_scale_sigma: NotNegative = 0.02  # how wrong a wheel's diameter may be, relative
-    gyro_noise_rad_per_sqrt_s: Positive = 0.002
+    gyro_noise_rad_per_sqrt_s: Positive = 0.001
     gyro_bias_sigma_radps: NotNegative = 0.02  # before the first standstill
     gyro_bias_walk: NotNegative = 0.0001  # rad/s per sqrt(s)
     slip_chi2: Positive = 12.0  # above: the wheels turned without the floor

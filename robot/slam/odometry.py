@@ -61,9 +61,9 @@ class Odometry:
 
     def __init__(self, config: SlamConfig, robot: RobotConfig) -> None:
         self.buffer = OdometryBuffer()
-        self._noise = OdometryNoise(
-            config.wheel_noise_m_per_sqrt_m, config.gyro_noise_rad_per_sqrt_s, robot.track_width_m
-        )
+        rolled = math.hypot(config.wheel_noise_m_per_sqrt_m, config.slip_noise_m_per_sqrt_m)
+        self._noise = OdometryNoise(rolled, config.gyro_noise_rad_per_sqrt_s, robot.track_width_m)
+        self._without_slip_noise = config.wheel_noise_m_per_sqrt_m
 
     def since(
         self, mark: Mark, t_ns: int, calibration: np.ndarray, visual: VisualMotion | None = None
@@ -111,7 +111,7 @@ class Odometry:
 
     def _wheel_yaw_var(self, left: float, right: float, turn: float, span_s: float) -> float:
         """Variance of (wheels' turn - gyro's turn) while nothing slips."""
-        rolled = self._noise.wheel_m_per_sqrt_m**2 * (abs(left) + abs(right))
+        rolled = self._without_slip_noise**2 * (abs(left) + abs(right))
         wheels = (rolled + 2.0 * RESOLUTION_M**2) / self._noise.track_width_m**2
         return wheels + self._noise.gyro_rad_per_sqrt_s**2 * span_s + (_TRACK_ERROR * turn) ** 2
 

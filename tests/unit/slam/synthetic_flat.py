@@ -41,9 +41,9 @@ class Faults:
 
     slip: bool = True
     gyro_bias_radps: float = 0.01
-    gyro_noise_radps: float = 0.005
-    wheel_scale: float = 0.015
-    wheel_noise: float = 0.005
+    gyro_noise_radps: float = 0.003
+    wheel_scale: float = 0.01
+    wheel_noise: float = 0.0005
     outliers: float = 0.03
     disparity_sigma_px: float = 0.3
     disparity_track_sigma_px: float = 0.15
