@@ -50,7 +50,7 @@ def test_a_drive_with_slip_stays_within_four_centimetres(seed: int) -> None:
 
 
 def test_landmarks_beat_odometry_alone() -> None:
-    ride = drive(4, path=LOOP)
+    ride = drive(4, path=LOOP, faults=Faults(wheel_scale=0.03, gyro_noise_radps=0.02))
     blind = [
         Seen(e.t_ns, e.arrived_ns, e.seq, (), NO_SCAN, 0.0) if isinstance(e, Seen) else e
         for e in ride.events
