@@ -11,9 +11,7 @@ from robot.perception.depth.onnx import OnnxDepth
 from robot.perception.depth.sgbm import SgbmDepth
 
 
-def make_depth(
-    config: PerceptionConfig, camera: StereoCamera, model: bytes | None = None
-) -> Depth:
+def make_depth(config: PerceptionConfig, camera: StereoCamera, model: bytes | None = None) -> Depth:
     """The matcher `config.matcher` for one camera.
 
     `model` holds the bytes of the ONNX file, for "onnx" only. Raises ModelError when they are

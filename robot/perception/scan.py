@@ -1,0 +1,175 @@
+"""From disparity to a planar scan: what the robot would bump into, and how far floor is free.
+
+Pixels between the lowest and the highest obstacle height vote in a histogram of column and
+disparity (the u-disparity of Hu and Uchimura, IV 2005), where anything upright is a peak. Floor is
+followed upwards in every column until something else, or nothing, is seen for too long.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robot.config import PerceptionConfig
+from robot.geometry.stereo import StereoCamera
+from robot.messages import Scan
+from robot.perception.floor import FloorPlane
+
+COLUMN_PX = 2
+CELL_PX = 0.5  # of disparity
+MIN_EXTENT_M = 0.018  # of an obstacle, above the lowest height that counts
+MIN_VOTES = 7.0
+MIN_ABOVE_PX = 0.9  # disparity above the floor's that noise does not reach
+FLOOR_PX = 0.8
+GAP_M = 0.12  # unseen floor between seen floor that is taken for free ...
+GAP_SHARE = 0.12  # ... and more of it far away, where rows are metres apart
+CLEAR_STEP_M = 0.05
+
+
+class ScanMaker:
+    """Tables for one camera, and the scan of one frame."""
+
+    def __init__(self, config: PerceptionConfig, camera: StereoCamera) -> None:
+        self._config, self._camera = config, camera
+        self._u = np.arange(camera.width_px, dtype=np.float32) - np.float32(camera.cx_px)
+        self._v = np.arange(camera.height_px, dtype=np.float32) - np.float32(camera.cy_px)
+        self._columns = math.ceil(camera.width_px / COLUMN_PX)
+        self._column = np.arange(camera.width_px, dtype=np.int32) // COLUMN_PX
+        self._column_u = (np.arange(self._columns) + 0.5) * COLUMN_PX - 0.5
+        self._cells = math.ceil(config.max_disparity_px / CELL_PX) + 1
+        self._min_px = camera.focal_px * camera.baseline_m / config.scan_range_m
+        self._bearings = self._spread_bearings()
+        self._ray_column, self._ray_z, self._ray_range = self._cast_rays()
+
+    def make(self, disparity_px: np.ndarray, floor: FloorPlane) -> Scan:
+        """Scan of one frame from disparity (h, w), NaN where unknown."""
+        ground = (
+            np.float32(floor.slope_u) * self._u[None, :]
+            + (np.float32(floor.slope_v) * self._v + np.float32(floor.offset_px))[:, None]
+        )
+        nearest_px = self._obstacles(disparity_px, ground, floor.height_m)
+        range_m = self._ranges(nearest_px, floor)
+        free_z = self._free_depth(disparity_px, ground, floor)
+        fb = self._camera.focal_px * self._camera.baseline_m
+        with np.errstate(divide="ignore"):
+            free_z = np.minimum(free_z, np.where(nearest_px > 0, fb / nearest_px, np.inf))
+        clear_m = self._clear(free_z)
+        return Scan(self._bearings, range_m, np.fmin(clear_m, range_m))
+
+    # ------------------------------------------------------------------ obstacles
+
+    def _obstacles(self, disparity: np.ndarray, ground: np.ndarray, height_m: float) -> np.ndarray:
+        """Disparity (columns,) of the nearest obstacle in every column; 0 where there is none."""
+        config = self._config
+        low, high = config.min_obstacle_m / height_m, config.max_obstacle_m / height_m
+        above = disparity - ground
+        with np.errstate(invalid="ignore"):
+            votes = (above > np.float32(low) * disparity) & (above < np.float32(high) * disparity)
+            votes &= (above > MIN_ABOVE_PX) & (disparity > self._min_px)
+        _, columns = np.nonzero(votes)
+        d = disparity[votes]
+        cell = (d * np.float32(1.0 / CELL_PX)).astype(np.int32)
+        index = self._column[columns] * self._cells + np.minimum(cell, self._cells - 1)
+        shape = (self._columns, self._cells)
+        count = np.bincount(index, minlength=shape[0] * shape[1]).reshape(shape)
+        total = np.bincount(index, weights=d, minlength=count.size).reshape(shape)
+        count, total = _sum_of_three(count, 1), _sum_of_three(total, 1)
+        wide = _sum_of_three(count, 0)  # a thin leg may stand between two columns
+        centre = (np.arange(self._cells) + 0.5) * CELL_PX
+        rows = MIN_EXTENT_M * centre / self._camera.baseline_m
+        enough = (wide >= np.maximum(MIN_VOTES, COLUMN_PX * rows)) & (count > 0)
+        nearest = self._cells - 1 - np.argmax(enough[:, ::-1], axis=1)
+        column = np.arange(self._columns)
+        # The first cell over the threshold is the flank of the peak; its top is just behind.
+        behind = np.maximum(nearest - 1, 0)
+        nearest = np.where(count[column, behind] > count[column, nearest], behind, nearest)
+        found = enough.any(axis=1)
+        mean = total[column, nearest] / np.maximum(count[column, nearest], 1)
+        return np.where(found, mean, 0.0)
+
+    def _ranges(self, nearest_px: np.ndarray, floor: FloorPlane) -> np.ndarray:
+        """Nearest obstacle (bearings,) in `base`, NaN where none."""
+        camera = self._camera
+        found = nearest_px > 0
+        u, d = self._column_u[found], nearest_px[found]
+        middle_m = 0.5 * (self._config.min_obstacle_m + min(self._config.max_obstacle_m, 0.1))
+        ground = d * (1.0 - middle_m / floor.height_m)  # under a point of that height
+        v = (ground - floor.slope_u * (u - camera.cx_px) - floor.offset_px) / floor.slope_v
+        points = camera.base_from_pixel(u, v + camera.cy_px, d)
+        distance = np.hypot(points[:, 0], points[:, 1])
+        bearing = np.arctan2(points[:, 1], points[:, 0])
+        step = self._bearings[1] - self._bearings[0]
+        slot = np.rint((bearing - self._bearings[0]) / step).astype(int)
+        inside = (slot >= 0) & (slot < len(self._bearings))
+        range_m = np.full(len(self._bearings), np.inf)
+        np.minimum.at(range_m, slot[inside], distance[inside])
+        return np.where(np.isfinite(range_m), range_m, np.nan)
+
+    # ------------------------------------------------------------------ free floor
+
+    def _free_depth(
+        self, disparity: np.ndarray, ground: np.ndarray, floor: FloorPlane
+    ) -> np.ndarray:
+        """Depth z (columns,) up to which floor was seen without a long gap; 0: none."""
+        tolerance = self._config.min_obstacle_m / floor.height_m
+        with np.errstate(invalid="ignore"):
+            flat = np.abs(disparity - ground) < np.maximum(np.float32(tolerance) * ground, FLOOR_PX)
+        flat &= (ground > self._min_px) & (ground < self._config.max_disparity_px)
+        pad = self._columns * COLUMN_PX - flat.shape[1]
+        flat = np.pad(flat, ((0, 0), (0, pad))) if pad else flat
+        flat = flat[:, ::COLUMN_PX] | flat[:, COLUMN_PX - 1 :: COLUMN_PX]
+        middle = np.minimum(np.rint(self._column_u).astype(int), ground.shape[1] - 1)
+        fb = np.float32(self._camera.focal_px * self._camera.baseline_m)
+        with np.errstate(divide="ignore"):
+            depth = np.where(ground[:, middle] > 0, fb / ground[:, middle], np.float32(np.inf))
+        # Upwards from the bottom row: depth of the last floor seen so far, and the gap since.
+        depth, flat = depth[::-1], flat[::-1]
+        first_z = fb / np.float32(self._config.max_disparity_px)  # nearer floor cannot be matched
+        last = np.maximum.accumulate(np.where(flat, depth, first_z), axis=0)
+        before = np.vstack([np.full((1, last.shape[1]), first_z, last.dtype), last[:-1]])
+        broken = flat & (depth - before > np.maximum(GAP_M, GAP_SHARE * depth))
+        whole = np.cumsum(broken, axis=0) == 0
+        return np.max(np.where(flat & whole, depth, np.float32(0.0)), axis=0)
+
+    def _clear(self, free_z: np.ndarray) -> np.ndarray:
+        """Free floor (bearings,) along every ray from `base`, from depth (columns,)."""
+        free = self._ray_z <= free_z[self._ray_column]
+        blocked = np.logical_or.accumulate(~free, axis=1)
+        return np.max(np.where(blocked, 0.0, self._ray_range), axis=1)
+
+    # ------------------------------------------------------------------ tables
+
+    def _spread_bearings(self) -> np.ndarray:
+        camera = self._camera
+        edge = np.array([camera.width_px - 1.0, 0.0])
+        far = camera.base_from_pixel(edge, np.full(2, camera.cy_px), np.full(2, self._min_px))
+        ends = np.arctan2(far[:, 1], far[:, 0])
+        return np.linspace(ends[0], ends[1], self._config.scan_bearings)
+
+    def _cast_rays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Column and depth of floor points along every bearing, (bearings, steps); range (steps,).
+
+        Points before the camera's sight begins are taken for clear: their depth is -1.
+        """
+        steps = np.arange(CLEAR_STEP_M, self._config.scan_range_m + 1e-9, CLEAR_STEP_M)
+        x = np.cos(self._bearings)[:, None] * steps
+        y = np.sin(self._bearings)[:, None] * steps
+        u, v, d = self._camera.pixel_from_base(np.stack([x, y, np.zeros_like(x)], axis=-1))
+        z = self._camera.focal_px * self._camera.baseline_m / d
+        matched = d <= self._config.max_disparity_px
+        before = np.isnan(d) | ~matched | (v > self._camera.height_px - 1)
+        beside = ~before & ((u < 0) | (u > self._camera.width_px - 1))
+        column = np.clip(np.nan_to_num(u), 0, self._camera.width_px - 1).astype(int) // COLUMN_PX
+        z = np.where(beside, np.inf, np.where(before, -1.0, z))
+        # A ray that leaves the near blind zone beside the view starts where it enters the view.
+        entered = np.logical_or.accumulate(~before & ~beside, axis=1)
+        z = np.where(beside & ~entered, -1.0, z)
+        return column, z, steps
+
+
+def _sum_of_three(values: np.ndarray, axis: int) -> np.ndarray:
+    """Every value plus its two neighbours along an axis."""
+    wide = np.pad(values, [(1, 1) if i == axis else (0, 0) for i in range(values.ndim)])
+    parts = (np.take(wide, range(k, k + values.shape[axis]), axis=axis) for k in range(3))
+    return np.sum(list(parts), axis=0)

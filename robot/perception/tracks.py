@@ -1,0 +1,140 @@
+"""Corners followed from frame to frame.
+
+Shi-Tomasi corners (CVPR 1994) followed by pyramidal Lucas-Kanade (Bouguet 2000), started where
+the robot's turn puts them, and followed back again as a check.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from robot.config import PerceptionConfig
+from robot.geometry.stereo import StereoCamera
+
+SPACING_PX = 8
+BORDER_PX = 7
+BLOCK_PX = 5
+CORNER_PER_NOISE2 = 5e-5  # least eigenvalue (OpenCV's scale) per squared grey level of noise
+BACK_PX = 0.5  # a point must come back to where it started
+UPPER_SHARE = 0.65  # of the tracks are kept for what stands above the floor
+WINDOW = {"winSize": (15, 15), "criteria": (3, 20, 0.02)}  # by count and by epsilon
+CORNER_STOP = (3, 8, 0.03)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Points of one frame: pixels (n, 2) float32, the number (n,) of each, frames followed (n,)."""
+
+    pixel: np.ndarray
+    track_id: np.ndarray
+    age: np.ndarray
+
+
+class Tracker:
+    """Follows points; `ids` hands out numbers that are never used twice."""
+
+    def __init__(self, config: PerceptionConfig, camera: StereoCamera, ids: TrackIds) -> None:
+        self._config, self._camera, self._ids = config, camera, ids
+        self._last: np.ndarray | None = None
+        self._tracks = Tracks(
+            np.empty((0, 2), np.float32), np.empty(0, np.int64), np.empty(0, np.int64)
+        )
+
+    def follow(self, image: np.ndarray, yaw_rad: float) -> Tracks:
+        """Points in a smoothed grey image (h, w), after the robot turned by about `yaw_rad`."""
+        if self._last is not None and len(self._tracks.pixel):
+            self._tracks = self._followed(self._last, image, yaw_rad)
+        self._tracks = self._refilled(image)
+        self._last = image
+        return self._tracks
+
+    def _followed(self, before: np.ndarray, image: np.ndarray, yaw_rad: float) -> Tracks:
+        tracks = self._tracks
+        old = tracks.pixel.reshape(-1, 1, 2)
+        guess = turned(tracks.pixel, yaw_rad, self._camera).reshape(-1, 1, 2)
+        new, found, _ = cv2.calcOpticalFlowPyrLK(
+            before, image, old, guess, maxLevel=2, flags=cv2.OPTFLOW_USE_INITIAL_FLOW, **WINDOW
+        )
+        back, returned, _ = cv2.calcOpticalFlowPyrLK(
+            image, before, new, old.copy(), maxLevel=0, flags=cv2.OPTFLOW_USE_INITIAL_FLOW, **WINDOW
+        )
+        pixel = new.reshape(-1, 2)
+        good = (found.ravel() == 1) & (returned.ravel() == 1)
+        good &= np.abs(back - old).reshape(-1, 2).max(axis=1) < BACK_PX
+        limit = np.array([self._camera.width_px, self._camera.height_px]) - 1 - BORDER_PX
+        good &= np.all((pixel > BORDER_PX) & (pixel < limit), axis=1)
+        good[good] = _apart(pixel[good], image.shape)
+        return Tracks(pixel[good], tracks.track_id[good], tracks.age[good] + 1)
+
+    def _refilled(self, image: np.ndarray) -> Tracks:
+        """Add corners where there is room: above the horizon first, then on the floor."""
+        tracks = self._tracks
+        horizon = int(self._camera.cy_px) + SPACING_PX
+        upper = int(np.count_nonzero(tracks.pixel[:, 1] < horizon))
+        wanted_up = round(self._config.max_tracks * UPPER_SHARE) - upper
+        wanted_down = self._config.max_tracks - len(tracks.pixel) - max(wanted_up, 0)
+        halves = ((0, horizon, wanted_up), (horizon, image.shape[0], wanted_down))
+        if max(wanted_up, wanted_down) < self._config.max_tracks // 12:
+            return tracks
+        room = np.zeros(image.shape, np.uint8)
+        room[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX] = 255
+        for x, y in tracks.pixel.astype(int).tolist():
+            cv2.circle(room, (x, y), SPACING_PX, 0, -1)
+        corners = [
+            self._corners(image[top:bottom], room[top:bottom], wanted) + np.float32([0, top])
+            for top, bottom, wanted in halves
+            if wanted > 0
+        ]
+        new = np.concatenate(corners)
+        return Tracks(
+            np.concatenate([tracks.pixel, new]).astype(np.float32),
+            np.concatenate([tracks.track_id, self._ids.take(len(new))]),
+            np.concatenate([tracks.age, np.zeros(len(new), np.int64)]),
+        )
+
+    def _corners(self, image: np.ndarray, room: np.ndarray, wanted: int) -> np.ndarray:
+        """The strongest corners (n, 2) above the noise, at least the spacing apart."""
+        strength = cv2.cornerMinEigenVal(image, BLOCK_PX, ksize=3)
+        limit = max(CORNER_PER_NOISE2 * self._config.image_noise**2, 1e-6)
+        strongest = float(strength.max())
+        if strongest <= limit:
+            return np.empty((0, 2), np.float32)
+        found = cv2.goodFeaturesToTrack(
+            image, wanted, limit / strongest, SPACING_PX, mask=room, blockSize=BLOCK_PX
+        )
+        if found is None:
+            return np.empty((0, 2), np.float32)
+        return cv2.cornerSubPix(image, found, (3, 3), (-1, -1), CORNER_STOP).reshape(-1, 2)
+
+
+class TrackIds:
+    """Numbers for tracks of every kind."""
+
+    def __init__(self) -> None:
+        self._next = 0
+
+    def take(self, count: int) -> np.ndarray:
+        """The next `count` numbers (count,)."""
+        first, self._next = self._next, self._next + count
+        return np.arange(first, self._next, dtype=np.int64)
+
+
+def turned(pixel: np.ndarray, yaw_rad: float, camera: StereoCamera) -> np.ndarray:
+    """Where far points (n, 2) appear after the camera turned left by `yaw_rad`, float32."""
+    angle = np.arctan((pixel[:, 0] - camera.cx_px) / camera.focal_px)
+    new = np.clip(angle + yaw_rad, -1.3, 1.3)
+    u = camera.cx_px + camera.focal_px * np.tan(new)
+    v = camera.cy_px + (pixel[:, 1] - camera.cy_px) * np.cos(angle) / np.cos(new)
+    return np.column_stack([u, v]).astype(np.float32)
+
+
+def _apart(pixel: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Which points (n,) to keep so that none shares a cell of half the spacing with an older."""
+    cell = SPACING_PX // 2
+    index = (pixel[:, 1] // cell).astype(int) * shape[1] + (pixel[:, 0] // cell).astype(int)
+    first = np.zeros(len(pixel), bool)
+    first[np.unique(index, return_index=True)[1]] = True
+    return first
