@@ -40,6 +40,7 @@ from robot.messages import (
 )
 from robot.mission.desk import PlanDesk, free_area_m2
 from robot.mission.dock_sight import DockSight
+from robot.mission.drive import matter_near
 from robot.mission.mission import Mission
 from robot.mission.state import Situation
 from robot.slam.slam import Slam
@@ -114,6 +115,8 @@ class Brain:
         if seen.t_ns - self._view_ns >= VIEW_EVERY_NS:
             self._view, self._view_ns = self._grid.snapshot(), seen.t_ns
             self._known_free_m2 = free_area_m2(self._view.cells, self._view.resolution_m)
+            near = matter_near(self._view, self._pose(), self._config.control.memory_range_m / 2.0)
+            self._gate.sight.know(self._world_from_odom.inverse().apply(near))
         return [estimate, *self._map_report(seen.t_ns)]
 
     def _pose(self) -> SE2:

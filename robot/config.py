@@ -186,7 +186,7 @@ class ControlConfig(Section):
     reaction_s: NotNegative = 0.2
     stop_gap_m: NotNegative = 0.02
     graze_m: NotNegative = 0.02
-    memory_s: Positive = 4.0  # how long a seen obstacle is remembered without being seen again
+    memory_s: Positive = 12.0  # how long a seen obstacle is remembered without being seen again
     memory_range_m: Positive = 1.2
 
 

@@ -2,7 +2,8 @@
 
 The camera cannot see the floor right before the wheels, nor beside itself after a turn, so the gate
 must remember. A point is forgotten when a newer scan sees floor where it was, when it is old, or
-when it is far. Free space is remembered as the scans themselves.
+when it is far. Free space is remembered as the scans themselves. What the map knows about the
+neighbourhood is added as points of their own: it remembers longer, and can only slow the robot.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from robot.geometry.se2 import SE2
 from robot.messages import Scan
 
 VIEW_EVERY_NS = 200_000_000  # two views closer in time than this say the same
+NEAR_M = 0.7
+SQUARE_M = 0.015
 REFUTE_M = 0.08  # floor must be seen this far behind a point to forget it
 WITNESSES = 3  # so many points make an obstacle, fewer are noise
 STRAIGHT_RADPM = 1e-3  # a smaller curvature is a straight line
@@ -74,7 +77,13 @@ class Sight:
         self._robot = robot
         self._points_m = np.empty((0, 2))  # in odom
         self._stamps_ns = np.empty(0, dtype=np.int64)
+        self._mapped_m = np.empty((0, 2))  # in odom
+        self._near_m = np.empty((0, 2))  # those of `_points_m` that matter until the next scan
         self._views: deque[_View] = deque()
+
+    def know(self, points_m: np.ndarray) -> None:
+        """Take obstacles (n, 2) of `odom` near the robot from the map, instead of the last ones."""
+        self._mapped_m = points_m
 
     def see(self, t_ns: int, odom_from_base: SE2, scan: Scan) -> None:
         """Take in a scan with the odometry pose at the time of its frame."""
@@ -86,11 +95,22 @@ class Sight:
         self._points_m = np.concatenate([self._points_m, fresh])
         stamps = np.full(len(fresh), t_ns, dtype=np.int64)
         self._stamps_ns = np.concatenate([self._stamps_ns, stamps])
+        self._thin()
+        here = np.array([odom_from_base.x_m, odom_from_base.y_m])
+        self._near_m = self._points_m[(np.abs(self._points_m - here) < NEAR_M).all(axis=1)]
         while self._views and self._views[0].t_ns < keep_ns:
             self._views.popleft()
         if len(self._views) > 1 and self._views[-1].t_ns - self._views[-2].t_ns < VIEW_EVERY_NS:
             self._views.pop()
         self._views.append(_View(t_ns, odom_from_base, scan))
+
+    def _thin(self) -> None:
+        """Keep the newest point of each small square."""
+        square = np.floor(self._points_m / SQUARE_M).astype(np.int64)
+        key = square[:, 0] * (1 << 32) + square[:, 1]
+        _, last = np.unique(key[::-1], return_index=True)
+        keep = np.sort(len(key) - 1 - last)
+        self._points_m, self._stamps_ns = self._points_m[keep], self._stamps_ns[keep]
 
     def _forget(self, keep_ns: int, odom_from_base: SE2, scan: Scan) -> None:
         points = odom_from_base.inverse().apply(self._points_m)
@@ -98,9 +118,11 @@ class Sight:
         keep = (self._stamps_ns >= keep_ns) & (range_m <= self._control.memory_range_m)
         if len(scan.bearing_rad) > 1 and len(points):
             bearing = np.arctan2(points[:, 1], points[:, 0])
-            ends = scan.bearing_rad[0], scan.bearing_rad[-1]
-            clear = np.interp(bearing, scan.bearing_rad, scan.clear_m)
-            inside = (bearing >= ends[0]) & (bearing <= ends[1])
+            after = np.searchsorted(scan.bearing_rad, bearing)
+            inside = (after > 0) & (after < len(scan.bearing_rad))
+            after = after.clip(1, len(scan.bearing_rad) - 1)
+            # Both rays beside the point must pass it, or edges would wear away.
+            clear = np.minimum(scan.clear_m[after - 1], scan.clear_m[after])
             keep &= ~(inside & (range_m + REFUTE_M < clear))
         self._points_m, self._stamps_ns = self._points_m[keep], self._stamps_ns[keep]
 
@@ -112,14 +134,21 @@ class Sight:
         on a circle of radius R about C touches a point at distance d from C where
         cos(angle) = (R^2 + d^2 - r^2) / (2 R d)  (law of cosines).
         """
-        if len(self._points_m) < WITNESSES:
-            return Corridor(math.inf, math.inf)
-        points = odom_from_base.inverse().apply(self._points_m)
-        x, y = points[:, 0] * direction, points[:, 1]
         curvature = curvature_radpm * direction
-        r = self._robot.radius_m
-        graze = self._control.graze_m
-        return Corridor(_free_m(x, y, curvature, r - graze), _free_m(x, y, curvature, r + graze))
+        graze_m, body_m = math.inf, math.inf
+        base_from_odom = odom_from_base.inverse()
+        for memory, witnesses in ((self._near_m, WITNESSES), (self._mapped_m, 1)):
+            if len(memory) < witnesses:
+                continue
+            points = base_from_odom.apply(memory)
+            x, y = points[:, 0] * direction, points[:, 1]
+            wide = self._robot.radius_m + self._control.graze_m
+            touch_m = _free_m(x, y, curvature, wide, witnesses)
+            graze_m = min(graze_m, touch_m)
+            if math.isfinite(touch_m):
+                slim = self._robot.radius_m - self._control.graze_m
+                body_m = min(body_m, _free_m(x, y, curvature, slim, witnesses))
+        return Corridor(body_m, graze_m)
 
     def nearest_ahead_m(self, odom_from_base: SE2, free_m: float, direction: int) -> np.ndarray:
         """Points (n, 2) of `odom` that the robot would touch within `free_m` straight on."""
@@ -143,8 +172,10 @@ class Sight:
         return any(view.covers(x_m, y_m) for view in reversed(self._views))
 
 
-def _free_m(x: np.ndarray, y: np.ndarray, curvature_radpm: float, r: float) -> float:
-    """Distance along the arc at which the third point touches a disc of radius `r`."""
+def _free_m(
+    x: np.ndarray, y: np.ndarray, curvature_radpm: float, r: float, witnesses: int
+) -> float:
+    """Distance along the arc at which so many points touch a disc of radius `r`."""
     if abs(curvature_radpm) < STRAIGHT_RADPM:
         hit = (np.abs(y) < r) & (x > 0.0)
         free = x[hit] - np.sqrt(r * r - y[hit] ** 2)
@@ -157,6 +188,6 @@ def _free_m(x: np.ndarray, y: np.ndarray, curvature_radpm: float, r: float) -> f
             cosine = (radius * radius + d * d - r * r) / (2.0 * radius * d)
         hit = (np.abs(cosine) <= 1.0) & (phase > 0.0)
         free = radius * (phase[hit] - np.arccos(cosine[hit]))
-    if len(free) < WITNESSES:
+    if len(free) < witnesses:
         return math.inf
-    return max(0.0, float(np.partition(free, WITNESSES - 1)[WITNESSES - 1]))
+    return max(0.0, float(np.partition(free, witnesses - 1)[witnesses - 1]))

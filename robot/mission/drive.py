@@ -6,6 +6,7 @@ import numpy as np
 
 from robot.control.follow import Follower
 from robot.control.wish import Wish, halt
+from robot.geometry.se2 import SE2
 from robot.messages import Grid, Path
 from robot.mission.state import Situation, seconds
 
@@ -68,18 +69,23 @@ def meets_matter(points_m: np.ndarray, grid: Grid, radius_m: float) -> bool:
     """Whether an occupied cell's centre lies within `radius_m` of one of the points (n, 2)."""
     if len(points_m) == 0:
         return False
+    cells = _occupied(grid, points_m.min(axis=0) - radius_m, points_m.max(axis=0) + radius_m)
+    if len(cells) == 0:
+        return False
+    away = cells[:, None, :] - points_m[None, :, :]
+    return bool((away**2).sum(axis=-1).min() < radius_m * radius_m)
+
+
+def matter_near(grid: Grid, world_from_base: SE2, range_m: float) -> np.ndarray:
+    """Centres (n, 2) in `world` of the occupied cells in the square around the robot."""
+    here = np.array([world_from_base.x_m, world_from_base.y_m])
+    return _occupied(grid, here - range_m, here + range_m)
+
+
+def _occupied(grid: Grid, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
     res = grid.resolution_m
-    rows, columns = grid.cells.shape
-    low = points_m.min(axis=0) - radius_m - (grid.origin_x_m, grid.origin_y_m)
-    high = points_m.max(axis=0) + radius_m - (grid.origin_x_m, grid.origin_y_m)
-    x0, y0 = np.maximum(np.floor(low / res).astype(int), 0)
-    x1, y1 = np.minimum(np.ceil(high / res).astype(int), (columns, rows))
-    if x1 <= x0 or y1 <= y0:
-        return False
+    origin = np.array([grid.origin_x_m, grid.origin_y_m])
+    x0, y0 = np.maximum(np.floor((low_m - origin) / res).astype(int), 0)
+    x1, y1 = np.maximum(np.ceil((high_m - origin) / res).astype(int), 0)
     ys, xs = np.nonzero(grid.cells[y0:y1, x0:x1] >= 50)
-    if len(xs) == 0:
-        return False
-    mx = (xs + x0 + 0.5) * res + grid.origin_x_m
-    my = (ys + y0 + 0.5) * res + grid.origin_y_m
-    d2 = (mx[:, None] - points_m[None, :, 0]) ** 2 + (my[:, None] - points_m[None, :, 1]) ** 2
-    return bool(d2.min() < radius_m * radius_m)
+    return np.stack([xs + x0 + 0.5, ys + y0 + 0.5], axis=-1) * res + origin

@@ -24,6 +24,7 @@ from robot.messages import (
     DriveCommand,
     Event,
     ImuSample,
+    Landmark,
     LinkState,
     Marker,
     MissionState,
@@ -73,11 +74,23 @@ class Flat:
         for box in cliffs:
             self._fill(self.cliff, box)
         self.update()
+        self.landmarks_m = self._landmarks()
 
     @staticmethod
     def _fill(mask: np.ndarray, box: Box) -> None:
         x0, y0, x1, y1 = (round(v / CELL_M) for v in box)
         mask[max(0, y0) : y1, max(0, x0) : x1] = True
+
+    def _landmarks(self) -> np.ndarray:
+        """Points (n, 2) on visible surfaces, about one every half metre."""
+        edge = cv2.dilate(self.seen.astype(np.uint8), np.ones((3, 3), np.uint8)) & ~self.seen
+        taken = np.zeros(edge.shape, np.uint8)
+        points = []
+        for y, x in zip(*np.nonzero(edge), strict=True):
+            if not taken[y, x]:
+                points.append(((x + 0.5) * CELL_M, (y + 0.5) * CELL_M))
+                cv2.circle(taken, (int(x), int(y)), 45, 1, -1)
+        return np.array(points)
 
     def update(self) -> None:
         """Recompute the distance fields after the masks were changed."""
@@ -143,6 +156,8 @@ class Flatland:
         self._late: deque[tuple[int, Seen]] = deque()
         self._plans: deque[Planned] = deque()
         self._touched = self._on_cliff = False
+        self._tracks: dict[int, int] = {}  # landmark to its track
+        self._next_track = 0
 
     # ------------------------------------------------------------------ Body
 
@@ -326,7 +341,43 @@ class Flatland:
         clear_m = np.where(range_m < MIN_SIGHT_M, 0.0, np.minimum(range_m, MAX_SIGHT_M) - 0.05)
         scan = Scan(bearing, np.where(hit, range_m + noise, np.nan), clear_m)
         arrives_ns = now_ns + NS * 15 // 100
-        return Seen(now_ns, arrives_ns, now_ns // (NS // 10), (), scan, 1.0, None, self._marker())
+        marks = self._landmarks()
+        return Seen(
+            now_ns, arrives_ns, now_ns // (NS // 10), marks, scan, 1.0, None, self._marker()
+        )
+
+    def _landmarks(self) -> tuple[Landmark, ...]:
+        """The landmarks in sight, with the errors of stereo."""
+        at = self.pose.inverse().apply(self.flat.landmarks_m)
+        range_m, bearing = np.hypot(at[:, 0], at[:, 1]), np.arctan2(at[:, 1], at[:, 0])
+        near = np.flatnonzero((np.abs(bearing) < 0.55) & (range_m > 0.4) & (range_m < 2.5))
+        free_m = self._cast(self.pose, bearing[near]) if len(near) else np.zeros(0)
+        marks = []
+        for i, clear_m in zip(near.tolist(), free_m.tolist(), strict=True):
+            if clear_m < range_m[i] - 0.03:
+                continue
+            sigma = np.array([0.005 + 0.015 * range_m[i] ** 2, 0.005])
+            noise = self._rng.normal(0.0, 1.0, 2) * sigma
+            signature = np.random.default_rng(i).bytes(32)
+            marks.append(
+                Landmark(
+                    float(range_m[i] + noise[0]),
+                    float(bearing[i] + noise[1]),
+                    np.diag(sigma**2),
+                    signature,
+                    track_id=self._track(i),
+                )
+            )
+        for i in set(self._tracks) - set(near.tolist()):
+            del self._tracks[i]
+        return tuple(marks)
+
+    def _track(self, landmark: int) -> int:
+        """The number under which a landmark is followed while it stays in sight."""
+        if landmark not in self._tracks:
+            self._tracks[landmark] = self._next_track
+            self._next_track += 1
+        return self._tracks[landmark]
 
     def _cast(self, pose: SE2, bearing: np.ndarray) -> np.ndarray:
         """Ranges until something visible, by stepping through the distance field."""
