@@ -52,8 +52,13 @@ def open_calibration(config: Config) -> Rectifier | None:
 
 def open_depth(config: Config, camera: StereoCamera) -> Depth:
     """The configured matcher, with its network read and its hash checked. Raises ModelError."""
-    model = read_model(config.perception.model) if config.perception.matcher == "onnx" else None
-    return make_depth(config.perception, camera, model)
+    if config.perception.matcher != "onnx":
+        return make_depth(config.perception, camera, None)
+    name = config.perception.model
+    try:
+        return make_depth(config.perception, camera, read_model(name))
+    except ModelError as error:
+        raise ModelError(f"perception.model = '{name or 'default'}': {error}") from None
 
 
 def open_perception(config: Config) -> Perception:
@@ -97,8 +102,8 @@ def read_model(name: str) -> bytes:
             return Path(name).read_bytes()
         except OSError as error:
             raise ModelError(
-                f"perception.model = '{name}' cannot be read ({error.strerror}); name an existing "
-                "ONNX file, or leave the key out."
+                f"the file cannot be read ({error.strerror}); name an existing ONNX file, or leave "
+                "the key out."
             ) from None
     folder = resources.files("models")
     manifest = tomllib.loads((folder / "manifest.toml").read_text(encoding="utf-8"))
@@ -106,7 +111,7 @@ def read_model(name: str) -> bytes:
     entry = manifest["models"].get(name)
     if entry is None:
         raise ModelError(
-            f"perception.model = '{name}' is not in models/manifest.toml; choose one of "
+            f"'{name}' is not in models/manifest.toml; choose one of "
             f"{', '.join(manifest['models'])}, or give the path of an .onnx file."
         )
     artifact = folder / entry["file"]
