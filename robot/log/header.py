@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from dataclasses import dataclass, field
 
+from robot import __version__
 from robot.config import Config, parse_config
 from robot.errors import LogError
 from robot.geometry.stereo import StereoCamera
@@ -12,11 +12,6 @@ from robot.log.codec import decode, encode
 
 METADATA_NAME = "sweeper"
 FORMAT = "1"  # of topics and encodings; a reader refuses another one
-
-
-def software_version() -> str:
-    """Version of the installed runtime."""
-    return importlib.metadata.version("sweeper")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +32,7 @@ class LogHeader:
     seed: int | None = None
     body: str = ""
     wall_time: str = ""
-    software: str = field(default_factory=software_version)
+    software: str = __version__
     extra: dict[str, str] = field(default_factory=dict)
 
     def config(self) -> Config:
