@@ -1,27 +1,35 @@
-"""From a stereo frame to everything perception has to say about it, one stage after the other."""
+"""Perception on one page: a pair of images goes in, what the robot sees comes out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 
+import cv2
 import numpy as np
 
 from robot.config import PerceptionConfig, RobotConfig
 from robot.geometry.stereo import StereoCamera
-from robot.messages import Seen, StereoFrame
+from robot.messages import Landmark, Marker, Seen, StereoFrame
 from robot.perception.confidence import Confidence, match_exposure
 from robot.perception.depth import Depth
+from robot.perception.descriptor import Describer
 from robot.perception.floor import Floor
-from robot.perception.marker import MarkerFinder, marker_landmark
-from robot.perception.rectify import Rectifier
+from robot.perception.landmarks import LandmarkMaker
+from robot.perception.marker import MarkerFinder, as_landmark
+from robot.perception.odometry import VisualOdometry
+from robot.perception.point_stereo import measure
+from robot.perception.rectify import Rectifier, check_image
 from robot.perception.scan import ScanMaker
+from robot.perception.tracks import Tracker, TrackIds
+
+SMOOTHING_PX = 1.0
 
 
 class Perception:
-    """The whole room behind one call. Deterministic: the same frames give the same `Seen`s.
+    """The chain for one camera. It remembers tracks and the floor, and nothing else.
 
-    `clock` returns nanoseconds for `stage_ms` only; without one all times are 0. `camera` is the
-    rectified pair; `rectifier` is None when frames arrive rectified.
+    `clock` reads nanoseconds and fills `Seen.stage_ms`; the default measures nothing.
     """
 
     def __init__(
@@ -33,57 +41,92 @@ class Perception:
         rectifier: Rectifier | None = None,
         clock: Callable[[], int] = lambda: 0,
     ) -> None:
-        self._config, self._depth, self._rectifier, self._clock = config, depth, rectifier, clock
+        self._config, self._camera = config, camera
+        self._depth, self._rectifier, self._clock = depth, rectifier, clock
+        self._ids = TrackIds()
         self._confidence = Confidence(config, camera)
         self._floor = Floor(camera)
         self._scan = ScanMaker(config, camera)
+        self._tracker = Tracker(config, camera, self._ids)
+        self._landmarks = LandmarkMaker(config, camera)
+        self._odometry = VisualOdometry(camera)
         self._marker = MarkerFinder(config, robot, camera)
+        self._marker_track = -1
+        self._last_yaw_rad = 0.0
 
     def see(self, frame: StereoFrame, arrived_ns: int, given: np.ndarray | None = None) -> Seen:
-        """Perceive one frame. `given` is true disparity (h, w), used by the matcher "given".
+        """Everything about one frame. `given` is a simulator's true disparity (h, w), if it has it.
 
-        Raises FrameError for images that do not fit the camera.
+        Raises FrameError for images of another size than the camera's.
         """
-        watch = _Stopwatch(self._clock)
-        left, right = frame.left, frame.right
-        if self._rectifier is not None:
-            left, right = self._rectifier.rectify(left, right)
-        watch.lap("rectify")
-        found = self._depth.match(left, right, t_ns=frame.t_ns, given=given)
-        watch.lap("disparity")
-        right = match_exposure(left, right)
-        trusted = self._confidence.check(left, right, found)
-        floor = self._floor.update(trusted.disparity_px, self._config.max_disparity_px)
-        scan = self._scan.make(trusted.disparity_px, floor)
-        watch.lap("scan")
-        marker = self._marker.find(left)
-        watch.lap("marker")
-        landmarks = (marker_landmark(marker),) if marker else ()
+        stage_ms: dict[str, float] = {}
+        stage = self._stopwatch(stage_ms)
+        with stage("rectify"):
+            left, right = self._rectified(frame)
+        with stage("disparity"):
+            found = self._depth.match(left, right, t_ns=frame.t_ns, given=given)
+        with stage("confidence"):
+            trusted = self._confidence.check(left, right, found)
+        with stage("scan"):
+            floor = self._floor.update(trusted.disparity_px, self._config.max_disparity_px)
+            scan = self._scan.make(trusted.disparity_px, floor)
+        with stage("tracks"):
+            smooth = cv2.GaussianBlur(left, (0, 0), SMOOTHING_PX)
+            smooth_right = cv2.GaussianBlur(right, (0, 0), SMOOTHING_PX)
+            turn = frame.yaw_change_rad
+            guess = turn if np.isfinite(turn) else self._last_yaw_rad
+            tracks = self._tracker.follow(smooth, guess)
+            points = measure(smooth, smooth_right, trusted.disparity_px, tracks)
+        with stage("motion"):
+            motion, points = self._odometry.update(points, turn)
+            self._last_yaw_rad = motion.previous_from_current.yaw_rad if motion else 0.0
+        with stage("landmarks"):
+            describer = Describer(smooth)
+            landmarks = self._landmarks.points(points, describer, floor)
+        with stage("marker"):
+            marker = self._marker.find(left)
+            landmarks += self._marker_landmark(marker)
         return Seen(
-            frame.t_ns,
-            arrived_ns,
-            frame.seq,
-            landmarks,
-            scan,
-            trusted.share,
-            None,
-            marker,
-            watch.total(),
+            t_ns=frame.t_ns,
+            arrived_ns=arrived_ns,
+            seq=frame.seq,
+            landmarks=tuple(landmarks),
+            scan=scan,
+            quality=trusted.share,
+            motion=motion,
+            marker=marker,
+            stage_ms=stage_ms,
         )
 
+    def _rectified(self, frame: StereoFrame) -> tuple[np.ndarray, np.ndarray]:
+        if self._rectifier is not None:
+            left, right = self._rectifier.rectify(frame.left, frame.right)
+        else:
+            left, right = frame.left, frame.right
+            for side, image in (("left", left), ("right", right)):
+                check_image(
+                    image,
+                    self._camera.width_px,
+                    self._camera.height_px,
+                    side,
+                    "set camera.width_px and camera.height_px, or name a calibration",
+                )
+        return left, match_exposure(left, right)
 
-class _Stopwatch:
-    """Milliseconds per stage."""
+    def _marker_landmark(self, marker: Marker | None) -> list[Landmark]:
+        """The marker as a landmark, under one track number while it stays in sight."""
+        if marker is None:
+            self._marker_track = -1
+            return []
+        if self._marker_track < 0:
+            self._marker_track = int(self._ids.take(1)[0])
+        return [as_landmark(marker, self._marker_track)]
 
-    def __init__(self, clock: Callable[[], int]) -> None:
-        self._clock = clock
-        self._start = self._last = clock()
-        self._ms: dict[str, float] = {}
+    def _stopwatch(self, stage_ms: dict[str, float]) -> Callable[[str], AbstractContextManager[None]]:
+        @contextmanager
+        def stage(name: str) -> Iterator[None]:
+            before_ns = self._clock()
+            yield
+            stage_ms[name] = (self._clock() - before_ns) / 1e6
 
-    def lap(self, stage: str) -> None:
-        now = self._clock()
-        self._ms[stage] = (now - self._last) / 1e6
-        self._last = now
-
-    def total(self) -> dict[str, float]:
-        return {**self._ms, "total": (self._last - self._start) / 1e6}
+        return stage

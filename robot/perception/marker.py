@@ -1,8 +1,7 @@
-"""The dock's ArUco marker: found, measured with an honest covariance, and handed on.
+"""The dock's ArUco marker (Garrido-Jurado et al., Pattern Recognition 2014) and its pose.
 
-The pose comes from the four corners of a square of known size (IPPE: Collins and Bartoli, IJCV
-2014). A flat square seen nearly head-on has two likely poses; both are kept if the picture cannot
-tell them apart, and then the yaw's variance says so.
+The marker hangs upright, so only four numbers are unknown: place (x, y), height and yaw. They are
+fitted to the eight corner coordinates, which leaves no room for the flips of a free 3-D pose.
 """
 
 from __future__ import annotations
@@ -17,113 +16,102 @@ from robot.geometry.se2 import SE2
 from robot.geometry.stereo import StereoCamera
 from robot.messages import Landmark, Marker
 
-CORNER_SIGMA_PX = 0.25
-FLOOR_SIGMA_M = 0.002  # mounting of camera and marker
-FLOOR_SIGMA_RAD = 0.01
-AMBIGUOUS = 2.0  # the second pose counts while its error is below this times the first one's
-MAX_ERROR_PX = 1.5
-MIN_SIDE_PX = 8.0
-LANDMARK_BYTES = 32
+SIGMA_PX = 0.25  # of one corner coordinate
+MAX_ERROR_PX = 1.5  # root mean square of the fit
+MIN_SIDE_PX = 7.0
+ITERATIONS = 7
+STEP = 1e-5  # m and rad, for the numeric Jacobian
+STARTS_RAD = (0.0, 0.6, -0.6)  # yaw away from facing the camera
+COMMON_SIGMA = np.array([0.003, 0.003, 0.01])  # print size, flatness, mounting
 
 
 class MarkerFinder:
-    """Looks for one marker id of the dictionary 4x4_50."""
+    """Looks for one marker; every frame while it is in sight, more rarely otherwise."""
 
     def __init__(self, config: PerceptionConfig, robot: RobotConfig, camera: StereoCamera) -> None:
-        self._camera, self._id = camera, robot.dock_marker_id
-        self._every, self._wait = config.marker_every, 0
-        half = 0.5 * robot.dock_marker_size_m
-        self._corners_m = np.array(
-            [[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]]
-        )
-        self._matrix = np.array(
-            [
-                [camera.focal_px, 0.0, camera.cx_px],
-                [0.0, camera.focal_px, camera.cy_px],
-                [0.0, 0.0, 1.0],
-            ]
-        )
-        options = cv2.aruco.DetectorParameters()
-        options.adaptiveThreshWinSizeMin = options.adaptiveThreshWinSizeMax = 15
-        options.minMarkerPerimeterRate = 4.0 * MIN_SIDE_PX / max(camera.width_px, camera.height_px)
-        options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        options.cornerRefinementWinSize = 3
-        options.relativeCornerRefinmentWinSize = 0.2
-        self._detector = cv2.aruco.ArucoDetector(
-            cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), options
-        )
+        parameters = cv2.aruco.DetectorParameters()
+        # One threshold window instead of three: the marker is seen large or not needed.
+        parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = 11
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        parameters.cornerRefinementWinSize = 3
+        dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+        self._detector = cv2.aruco.ArucoDetector(dictionary, parameters)
+        self._id, self._side_m = robot.dock_marker_id, robot.dock_marker_size_m
+        self._camera, self._every = camera, config.marker_every
+        self._wait = 0
 
     def find(self, left: np.ndarray) -> Marker | None:
-        """The marker in a rectified grey uint8 image (h, w), or None.
-
-        While none is in sight only every `marker_every`-th frame is searched.
-        """
+        """The marker in a rectified grey image (h, w); None if not found, or not looked for."""
         if self._wait > 0:
             self._wait -= 1
             return None
-        marker = self._search(left)
-        self._wait = 0 if marker else self._every - 1
-        return marker
-
-    def _search(self, left: np.ndarray) -> Marker | None:
-        quads, ids, _ = self._detector.detectMarkers(left)
-        if ids is None:
-            return None
-        for quad, marker_id in zip(quads, ids.ravel().tolist(), strict=True):
-            if marker_id == self._id:
-                return self._measure(np.asarray(quad, np.float64).reshape(4, 2))
+        corners, ids, _ = self._detector.detectMarkers(left)
+        if ids is not None:
+            for quad, marker_id in zip(corners, np.ravel(ids).tolist(), strict=True):
+                marker = self._locate(quad.reshape(4, 2).astype(np.float64), marker_id)
+                if marker is not None:
+                    return marker
+        self._wait = self._every - 1
         return None
 
-    def _measure(self, pixels: np.ndarray) -> Marker | None:
-        _, rotations, shifts, errors = cv2.solvePnPGeneric(
-            self._corners_m, pixels, self._matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
-        )
-        error = np.asarray(errors, float).ravel()
-        if error[0] > MAX_ERROR_PX or shifts[0][2, 0] <= 0.0:
+    def _locate(self, quad: np.ndarray, marker_id: int) -> Marker | None:
+        if marker_id != self._id or np.linalg.norm(quad[2] - quad[0]) < 1.4 * MIN_SIDE_PX:
             return None
-        pose = self._planar(rotations[0], shifts[0])
-        cov = self._covariance(rotations[0], shifts[0])
-        if len(error) > 1 and error[1] < max(AMBIGUOUS * error[0], CORNER_SIGMA_PX):
-            other = self._planar(rotations[1], shifts[1])
-            apart = math.remainder(other.yaw_rad - pose.yaw_rad, 2.0 * math.pi)
-            cov[2, 2] += apart**2
-        return Marker(self._id, pose, cov)
+        fits = [self._fit(self._start(quad, turn), quad) for turn in STARTS_RAD]
+        pose, error_px, information = min(fits, key=lambda fit: fit[1])
+        if not error_px < MAX_ERROR_PX:
+            return None
+        spread = np.linalg.inv(information)[np.ix_([0, 1, 3], [0, 1, 3])]
+        cov = spread * max(SIGMA_PX, error_px) ** 2 + np.diag(COMMON_SIGMA**2)
+        yaw = math.remainder(pose[3], 2.0 * math.pi)
+        return Marker(marker_id, SE2(pose[0], pose[1], yaw), cov)
 
-    def _planar(self, rotation: np.ndarray, shift: np.ndarray) -> SE2:
-        """Marker's centre and outward direction in `base`, dropped to the floor."""
-        mount = self._camera.base_from_cam
-        base_from_face = mount[:3, :3] @ cv2.Rodrigues(rotation)[0]
-        centre = mount[:3, :3] @ shift.ravel() + mount[:3, 3]
-        out = base_from_face[:, 2]
-        return SE2(float(centre[0]), float(centre[1]), math.atan2(out[1], out[0]))
+    def _start(self, quad: np.ndarray, turn_rad: float) -> np.ndarray:
+        """(x, y, z, yaw) of a marker of that image size, turned so much from facing the camera."""
+        camera = self._camera
+        height_px = 0.5 * (quad[3, 1] - quad[0, 1] + quad[2, 1] - quad[1, 1])
+        depth_px = camera.baseline_m * max(height_px, 1.0) / self._side_m  # as a disparity
+        middle = quad.mean(axis=0)
+        place = camera.base_from_pixel(middle[0], middle[1], np.array(depth_px))
+        toward = camera.base_from_cam[:3, 3] - place
+        return np.array([*place, math.atan2(toward[1], toward[0]) + turn_rad])
 
-    def _covariance(self, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
-        """Corner noise carried through the projection (Gauss-Newton information), then planar."""
-        _, jacobian = cv2.projectPoints(self._corners_m, rotation, shift, self._matrix, None)
-        jacobian = jacobian[:, :6]
-        information = jacobian.T @ jacobian / CORNER_SIGMA_PX**2
-        cov = np.linalg.inv(information + np.eye(6) * 1e-9)
-        steps = np.eye(6) * 1e-5
-        here = self._planar(rotation, shift)
-        to_planar = np.empty((3, 6))
-        for i, step in enumerate(steps):
-            near = self._planar(rotation + step[:3, None], shift + step[3:, None])
-            turned = math.remainder(near.yaw_rad - here.yaw_rad, 2.0 * math.pi)
-            to_planar[:, i] = np.array([near.x_m - here.x_m, near.y_m - here.y_m, turned]) / 1e-5
-        floor = np.diag([FLOOR_SIGMA_M**2, FLOOR_SIGMA_M**2, FLOOR_SIGMA_RAD**2])
-        return to_planar @ cov @ to_planar.T + floor
+    def _fit(self, pose: np.ndarray, quad: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+        """Gauss-Newton on the corners: pose (4,), error per coordinate in px, information."""
+        nearby = np.vstack([np.zeros(4), STEP * np.eye(4)])
+        error = math.inf
+        for _ in range(ITERATIONS):
+            seen = self._project(pose + nearby).reshape(5, 8)
+            residual = quad.ravel() - seen[0]
+            error = math.sqrt(float(np.mean(residual**2)))
+            if not math.isfinite(error):
+                return pose, math.inf, np.eye(4)
+            jacobian = (seen[1:] - seen[0]).T / STEP
+            information = jacobian.T @ jacobian + 1e-6 * np.eye(4)
+            pose = pose + np.linalg.solve(information, jacobian.T @ residual)
+        return pose, error, information
+
+    def _project(self, poses: np.ndarray) -> np.ndarray:
+        """Pixels (k, 4, 2) of the corners (top left, top right, bottom right, bottom left)."""
+        half, yaw = 0.5 * self._side_m, poses[:, 3]
+        # Seen from the front, the marker's left is along (sin, -cos) of its outward yaw.
+        left = np.stack([np.sin(yaw), -np.cos(yaw), np.zeros_like(yaw)], axis=1) * half
+        up = np.array([0.0, 0.0, half])
+        corners = np.stack([left + up, up - left, -left - up, left - up], axis=1)
+        u, v, _ = self._camera.pixel_from_base(poses[:, None, :3] + corners)
+        return np.stack([u, v], axis=-1)
 
 
-def marker_landmark(marker: Marker) -> Landmark:
-    """The marker's centre as a landmark that cannot be mistaken for another."""
+def as_landmark(marker: Marker, track_id: int) -> Landmark:
+    """The marker's place as a landmark; its signature is its number, little-endian."""
     x, y = marker.base_from_marker.x_m, marker.base_from_marker.y_m
     range_m = math.hypot(x, y)
-    to_polar = np.array([[x / range_m, y / range_m], [-y / range_m**2, x / range_m**2]])
+    polar = np.array([[x / range_m, y / range_m], [-y / range_m**2, x / range_m**2]])
     return Landmark(
-        range_m,
-        math.atan2(y, x),
-        to_polar @ marker.cov[:2, :2] @ to_polar.T,
-        bytes([marker.marker_id]).ljust(LANDMARK_BYTES, b"\0"),
-        "marker",
-        track_id=-1,
+        range_m=range_m,
+        bearing_rad=math.atan2(y, x),
+        cov=polar @ marker.cov[:2, :2] @ polar.T,
+        signature=marker.marker_id.to_bytes(32, "little"),
+        kind="marker",
+        track_id=track_id,
     )

@@ -1,0 +1,185 @@
+"""Vertical edges as landmarks: found in both eyes, described, and followed over frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot.config import PerceptionConfig
+from robot.geometry.stereo import StereoCamera
+from robot.messages import Landmark
+from robot.perception.descriptor import Describer
+from robot.perception.landmarks import PATCH_INSIDE, PATCH_M, polar
+from robot.perception.tracks import TrackIds, turned
+from robot.perception.vertical_edges import Lines, find_lines
+
+MIN_OVERLAP = 0.6  # of the left edge's rows
+AGREE_PX = 1.5  # with the dense matcher beside the edge
+STRENGTH_RATIO = 0.6
+BESIDE_PX = (2, 5)  # columns on either side that are asked for their disparity
+MIN_KNOWN = 0.25
+FOLLOW_PX = 7.0
+FOLLOW_SHARE = 0.12  # change of disparity between frames
+FOLLOW_BITS = 70
+MAX_MISSED = 2  # frames that an edge may be hidden before it gets a new number
+LOOK_HEIGHT_M = 0.15  # the description is cut at this height, however long the edge
+MAX_EDGES = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Followed:
+    """Edges of the last frames: column, disparity, sign, bits, number, age, frames missed."""
+
+    u: np.ndarray
+    d: np.ndarray
+    sign: np.ndarray
+    bits: np.ndarray
+    track_id: np.ndarray
+    age: np.ndarray
+    missed: np.ndarray
+
+
+class EdgeFinder:
+    """Finds, measures and follows the vertical edges of each frame."""
+
+    def __init__(self, config: PerceptionConfig, camera: StereoCamera, ids: TrackIds) -> None:
+        self._config, self._camera, self._ids = config, camera, ids
+        empty, none = np.empty(0), np.empty(0, np.int64)
+        self._before = _Followed(
+            empty, empty, none, np.empty((0, 32), np.uint8), none, none, none
+        )
+
+    def find(
+        self,
+        left: np.ndarray,
+        right: np.ndarray,
+        dense_px: np.ndarray,
+        describer: Describer,
+        yaw_rad: float,
+    ) -> list[Landmark]:
+        """Landmarks of kind "edge" of one frame (smoothed images, dense disparity (h, w)).
+
+        `yaw_rad` is about how far the robot turned since the last frame.
+        """
+        lines = find_lines(left, self._config.image_noise)
+        others = find_lines(right, self._config.image_noise)
+        near = _near_disparity(lines, dense_px)
+        index, disparity = _match(lines, others, near)
+        least = self._camera.focal_px * self._camera.baseline_m / self._config.landmark_range_m
+        far_enough = disparity > least
+        index, disparity = index[far_enough], disparity[far_enough]
+        u = lines.at(np.full(len(lines.u), self._camera.cy_px))[index]
+        look = self._look_at(u, disparity)
+        width = PATCH_M * disparity / self._camera.baseline_m
+        inside = describer.inside(look, width, PATCH_INSIDE)
+        index, u, disparity, look, width = (
+            a[inside] for a in (index, u, disparity, look, width)
+        )
+        bits = describer.describe(look, width)
+        track_id, age = self._follow(u, disparity, lines.sign[index], bits, yaw_rad)
+        return self._landmarks(u, disparity, bits, track_id, age)
+
+    def _look_at(self, u: np.ndarray, disparity: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) on the edges at the height of the description."""
+        rise = LOOK_HEIGHT_M - self._camera.base_from_cam[2, 3]
+        v = self._camera.cy_px - rise * disparity / self._camera.baseline_m
+        return np.stack([u, v], axis=1)
+
+    def _landmarks(
+        self,
+        u: np.ndarray,
+        disparity: np.ndarray,
+        bits: np.ndarray,
+        track_id: np.ndarray,
+        age: np.ndarray,
+    ) -> list[Landmark]:
+        old = np.flatnonzero(age >= self._config.landmark_age)
+        old = old[np.argsort(-age[old], kind="stable")][:MAX_EDGES]
+        pixel = np.stack([u[old], np.full(len(old), self._camera.cy_px)], axis=1)
+        range_m, bearing_rad, cov = polar(self._camera, pixel, disparity[old])
+        return [
+            Landmark(
+                range_m=float(range_m[k]),
+                bearing_rad=float(bearing_rad[k]),
+                cov=cov[k],
+                signature=bits[i].tobytes(),
+                kind="edge",
+                track_id=int(track_id[i]),
+            )
+            for k, i in enumerate(old.tolist())
+        ]
+
+    def _follow(
+        self,
+        u: np.ndarray,
+        disparity: np.ndarray,
+        sign: np.ndarray,
+        bits: np.ndarray,
+        yaw_rad: float,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers and ages (n,) for this frame's edges; the nearest old edge hands on its own."""
+        before, camera = self._before, self._camera
+        level = np.column_stack([before.u, np.full(len(before.u), camera.cy_px)])
+        away = np.abs(turned(level, yaw_rad, camera)[:, 0][None] - u[:, None])
+        fits = (away < FOLLOW_PX) & (before.sign[None] == sign[:, None])
+        fits &= np.abs(before.d[None] - disparity[:, None]) < 1.0 + FOLLOW_SHARE * disparity[:, None]
+        differing = np.bitwise_count(before.bits[None] ^ bits[:, None]).sum(axis=2)
+        fits &= differing < FOLLOW_BITS
+        cost = np.where(fits, away + 0.1 * differing, np.inf)
+        track_id = np.full(len(u), -1, np.int64)
+        age = np.zeros(len(u), np.int64)
+        while cost.size and np.isfinite(cost.min()):
+            i, j = np.unravel_index(int(np.argmin(cost)), cost.shape)
+            track_id[i], age[i] = before.track_id[j], before.age[j] + 1
+            cost[i, :] = cost[:, j] = np.inf
+        new = track_id < 0
+        track_id[new] = self._ids.take(int(new.sum()))
+        lost = ~np.isin(before.track_id, track_id) & (before.missed < MAX_MISSED)
+        moved = turned(level, yaw_rad, camera)[:, 0]
+        self._before = _Followed(
+            np.concatenate([u, moved[lost]]),
+            np.concatenate([disparity, before.d[lost]]),
+            np.concatenate([sign, before.sign[lost]]),
+            np.concatenate([bits, before.bits[lost]]),
+            np.concatenate([track_id, before.track_id[lost]]),
+            np.concatenate([age, before.age[lost]]),
+            np.concatenate([np.zeros(len(u), np.int64), before.missed[lost] + 1]),
+        )
+        return track_id, age
+
+
+def _near_disparity(lines: Lines, dense: np.ndarray) -> np.ndarray:
+    """Median disparity (n,) of the nearer of the two sides of every edge, NaN if unknown."""
+    near = np.full(len(lines.u), np.nan)
+    first, last = BESIDE_PX
+    for i in range(len(near)):
+        column = round(float(lines.u[i]))
+        rows = slice(int(lines.top[i]), int(lines.bottom[i]) + 1)
+        for start in (column - last, column + first):
+            side = dense[rows, max(start, 0) : max(start + last - first + 1, 0)]
+            known = side[np.isfinite(side)]
+            if known.size > MIN_KNOWN * max(side.size, 1):
+                near[i] = np.fmax(near[i], np.median(known))
+    return near
+
+
+def _match(lines: Lines, others: Lines, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which left edges (k,) have a partner in the right image, and their disparity (k,)."""
+    if not len(lines.u) or not len(others.u):
+        return np.empty(0, int), np.empty(0)
+    top = np.maximum(lines.top[:, None], others.top[None])
+    bottom = np.minimum(lines.bottom[:, None], others.bottom[None])
+    v = 0.5 * (top + bottom)
+    left = lines.u[:, None] + lines.slope[:, None] * (v - lines.v[:, None])
+    disparity = left - others.at(v)
+    away = np.abs(disparity - near[:, None])
+    rows = (lines.bottom - lines.top + 1)[:, None]
+    weak = np.minimum(lines.strength[:, None], others.strength[None])
+    strong = np.maximum(lines.strength[:, None], others.strength[None])
+    fits = (lines.sign[:, None] == others.sign[None]) & (bottom - top >= MIN_OVERLAP * rows)
+    fits &= (weak > STRENGTH_RATIO * strong) & (disparity > 0.3) & (away < AGREE_PX)
+    away = np.where(fits, away, np.inf)
+    best = np.argmin(away, axis=1)
+    index = np.flatnonzero(np.isfinite(away[np.arange(len(best)), best]))
+    return index, disparity[index, best[index]]

@@ -1,0 +1,123 @@
+"""Planar visual odometry: the one motion of the robot that explains how all points moved.
+
+A point (u, v, d) seen now is lifted into `base`, moved by (x, y, yaw) into the previous `base` and
+projected again; the differences to what was seen there, in pixels, are minimised by Gauss-Newton.
+Outliers lose their weight by graduated non-convexity with Geman and McClure's loss (Yang et al.,
+IEEE RA-L 2020), which needs no random samples.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot.geometry.se2 import SE2
+from robot.geometry.stereo import StereoCamera
+from robot.messages import VisualMotion
+from robot.perception.point_stereo import Points
+
+SIGMA_PX = np.array([0.3, 0.4, 0.3])  # of u, v and d, between two frames
+WIDTHS = (64.0, 16.0, 8.0, 4.0, 3.0, 3.0, 3.0)  # of the loss, in sigma, from wide to narrow
+OUTLIER_SIGMA = 3.5
+MIN_INLIERS, MIN_SHARE = 8, 0.4
+MIN_DISPARITY_PX = 1.5
+COV_FACTOR = 2.0  # neighbouring points share their errors
+FLOOR_SIGMA = np.array([0.0005, 0.0005, 0.0005])  # m, m, rad
+MAX_STEP_M, MAX_STEP_RAD = 0.3, 0.6  # between two frames: more is a mistake
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pairs:
+    now_m: np.ndarray  # (n, 3) in base
+    before: np.ndarray  # (n, 3): u, v, d
+
+
+class VisualOdometry:
+    """Remembers the points of the last frame."""
+
+    def __init__(self, camera: StereoCamera) -> None:
+        self._camera = camera
+        self._last: Points | None = None
+        self._motion = SE2()
+
+    def update(self, points: Points, yaw_hint_rad: float) -> tuple[VisualMotion | None, Points]:
+        """Motion since the last frame, and the points, unsteady where they contradict it.
+
+        The motion is None when too few points agree on one, and then nothing contradicts.
+        `yaw_hint_rad` may be NaN: it is a start only.
+        """
+        last, self._last = self._last, points
+        if last is None:
+            return None, points
+        index, pairs = self._pair(last, points)
+        if len(index) < MIN_INLIERS:
+            self._motion = SE2()
+            return None, points
+        yaw = yaw_hint_rad if math.isfinite(yaw_hint_rad) else self._motion.yaw_rad
+        pose = np.array([self._motion.x_m, self._motion.y_m, yaw])
+        for width in WIDTHS:
+            residual, jacobian = self._linearise(pose, pairs)
+            chi2 = np.sum(residual**2, axis=1)
+            weight = (width**2 / (width**2 + chi2)) ** 2
+            normal = np.einsum("nri,nrj,n->ij", jacobian, jacobian, weight)
+            pose = pose + np.linalg.solve(
+                normal + 1e-3 * np.eye(3), np.einsum("nri,nr,n->i", jacobian, -residual, weight)
+            )
+        residual, jacobian = self._linearise(pose, pairs)
+        inlier = np.sum(residual**2, axis=1) < OUTLIER_SIGMA**2
+        count = int(np.count_nonzero(inlier))
+        moved = math.hypot(pose[0], pose[1])
+        possible = moved < MAX_STEP_M and abs(pose[2]) < MAX_STEP_RAD
+        if count < max(MIN_INLIERS, MIN_SHARE * len(index)) or not possible:
+            self._motion = SE2()
+            return None, points
+        steady = points.steady.copy()
+        steady[index[~inlier]] = False
+        cov = self._covariance(residual[inlier], jacobian[inlier])
+        self._motion = SE2(float(pose[0]), float(pose[1]), float(pose[2]))
+        return VisualMotion(self._motion, cov, count), replace(points, steady=steady)
+
+    def _pair(self, last: Points, now: Points) -> tuple[np.ndarray, _Pairs]:
+        """Points with stereo in both frames: their index (n,) in `now`, and both sights."""
+        _, old, new = np.intersect1d(
+            last.track_id, now.track_id, assume_unique=True, return_indices=True
+        )
+        d_old, d_new = last.disparity_px[old], now.disparity_px[new]
+        with np.errstate(invalid="ignore"):
+            good = np.minimum(d_old, d_new) > MIN_DISPARITY_PX
+        old, new = old[good], new[good]
+        pixel = now.pixel[new].astype(np.float64)
+        points = self._camera.base_from_pixel(pixel[:, 0], pixel[:, 1], now.disparity_px[new])
+        before = np.column_stack([last.pixel[old].astype(np.float64), last.disparity_px[old]])
+        return new, _Pairs(points.reshape(-1, 3), before)
+
+    def _linearise(self, pose: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (n, 3) over sigma and their Jacobian (n, 3, 3) by x, y and yaw."""
+        camera = self._camera
+        x, y, yaw = pose.tolist()
+        c, s = math.cos(yaw), math.sin(yaw)
+        turned = pairs.now_m @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        rotation, origin = camera.base_from_cam[:3, :3], camera.base_from_cam[:3, 3]
+        cam = (turned + np.array([x, y, 0.0]) - origin) @ rotation
+        z = np.maximum(cam[:, 2], 0.05)
+        focal, fb = camera.focal_px, camera.focal_px * camera.baseline_m
+        u = focal * cam[:, 0] / z
+        v = focal * cam[:, 1] / z
+        seen = np.column_stack([u + camera.cx_px, v + camera.cy_px, fb / z])
+        by_cam = np.zeros((len(z), 3, 3))
+        by_cam[:, 0, 0] = by_cam[:, 1, 1] = focal / z
+        by_cam[:, 0, 2], by_cam[:, 1, 2], by_cam[:, 2, 2] = -u / z, -v / z, -fb / z**2
+        by_pose = np.zeros((len(z), 3, 3))
+        by_pose[:, 0, 0] = by_pose[:, 1, 1] = 1.0
+        by_pose[:, 0, 2], by_pose[:, 1, 2] = -turned[:, 1], turned[:, 0]
+        jacobian = by_cam @ (rotation.T @ by_pose)
+        return (seen - pairs.before) / SIGMA_PX, jacobian / SIGMA_PX[:, None]
+
+    def _covariance(self, residual: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+        """Of (x, y, yaw): inverse information, scaled by what the residuals say about the noise."""
+        information = np.einsum("nri,nrj->ij", jacobian, jacobian)
+        variance = max(1.0, float(np.mean(residual**2)))
+        cov = np.linalg.inv(information + 1e-6 * np.eye(3)) * variance * COV_FACTOR
+        return cov + np.diag(FLOOR_SIGMA**2)
