@@ -19,13 +19,20 @@ from robot.mapping.raster import Window, grown, moved, window_around
 from robot.messages import Grid, Scan
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+_NEAR_M = 0.02  # nearer than this before the eye nothing can be seen
+_RIM_M = 0.05  # slack for the pose's error when a touched place is found to be free
 
 
 class OccupancyGrid:
-    """What is free and what is not, in `world`."""
+    """What is free and what is not, in `world`.
 
-    def __init__(self, config: MappingConfig) -> None:
+    `eye_m` is where the camera stands in `base`: a scan is polar in `base`, but the rays that found
+    its ranges began there, and only what they passed was seen to be free.
+    """
+
+    def __init__(self, config: MappingConfig, eye_m: tuple[float, float] = (0.13, 0.03)) -> None:
         self._config = config
+        self._eye_m = eye_m
         self._window = Window(0, 0, 0, 0)
         self._log_odds = np.zeros((0, 0), np.float32)
         self._sticky = np.zeros((0, 0), bool)
@@ -64,15 +71,20 @@ class OccupancyGrid:
             self._sticky[index[:, 1] - self._window.iy0, index[:, 0] - self._window.ix0] = True
 
     def clear_footprint(self, world_from_base: SE2, radius_m: float) -> None:
-        """Where the robot stands there is floor; what was touched stays an obstacle."""
+        """Where the robot stands there is floor; what was touched at its rim stays an obstacle.
+
+        Only a mark well under the robot's body is wiped: nothing can be there.
+        """
         res, x, y = self._config.resolution_m, world_from_base.x_m, world_from_base.y_m
         window = window_around(x - radius_m, y - radius_m, x + radius_m, y + radius_m, res)
         if not self._reserve(window):
             return
         dx = (np.arange(window.ix0, window.ix1) + 0.5) * res - x
         dy = (np.arange(window.iy0, window.iy1) + 0.5) * res - y
-        inside = dx[None, :] ** 2 + dy[:, None] ** 2 <= radius_m**2
+        far_m2 = dx[None, :] ** 2 + dy[:, None] ** 2
+        inside = far_m2 <= radius_m**2
         part = self._log_odds[self._window.slices(window)]
+        self._sticky[self._window.slices(window)] &= far_m2 > max(0.0, radius_m - _RIM_M) ** 2
         part[inside] = np.minimum(part[inside], -2.0 * self._config.free_below)
 
     def snapshot(self) -> Grid:
@@ -99,35 +111,37 @@ class OccupancyGrid:
         """Cells under all rays: their window, flat index (n,) in it and evidence (n,)."""
         config = self._config
         nothing = (Window(0, 0, 0, 0), np.zeros(0, np.int64), np.zeros(0, np.float32))
-        range_m = np.asarray(scan.range_m, np.float32)
-        hit = np.isfinite(range_m) & (range_m > 0.0) & (range_m < config.max_range_m)
-        clear_m = np.nan_to_num(np.asarray(scan.clear_m, np.float32), nan=0.0, posinf=1e3)
-        # A range beyond the trusted distance still says that the way there is free.
-        far = np.isfinite(range_m) & (range_m >= config.max_range_m)
-        front_m = np.where(hit, range_m, np.where(far, config.max_range_m, clear_m))
-        sigma_m = np.hypot(config.resolution_m / 2.0, config.range_sigma_per_m2 * front_m**2)
-        end_m = np.where(hit, front_m + np.maximum(config.resolution_m, sigma_m), front_m)
-        use = end_m > 0.0
+        range_m = np.asarray(scan.range_m, float)
+        known = np.isfinite(range_m) & (range_m > 0.0)
+        clear_m = np.nan_to_num(np.asarray(scan.clear_m, float), nan=0.0, posinf=1e3)
+        reach_m = np.where(known, range_m, clear_m)
+        bearing = np.asarray(scan.bearing_rad, float)
+        ahead = reach_m * np.cos(bearing) - self._eye_m[0]
+        aside = reach_m * np.sin(bearing) - self._eye_m[1]
+        use = (reach_m > 0.0) & (ahead > _NEAR_M)
         if not use.any() or not math.isfinite(pose.x_m + pose.y_m + pose.yaw_rad):
             return nothing
-        front_m, sigma_m, end_m = front_m[use, None], sigma_m[use, None], end_m[use, None]
+        ahead, aside, known = ahead[use], aside[use], known[use]
+        length_m = np.hypot(ahead, aside)
+        # A range beyond the greatest mapped one still says that the way there is free.
+        hit = known & (length_m < config.max_range_m)
+        sigma_m = np.hypot(config.resolution_m / 2.0, config.range_sigma_per_m2 * length_m**2)
+        end_m = np.where(hit, length_m + np.maximum(config.min_thickness_m, sigma_m), length_m)
+        front_m, sigma_m, end_m = (
+            v.astype(np.float32)[:, None] for v in (length_m, sigma_m, end_m)
+        )
         radii = self._radii_m[None, : int(np.searchsorted(self._radii_m, end_m.max()))]
         ramp = np.clip((radii - front_m) / sigma_m, -1.0, 1.0)
         value = np.where(ramp < 0.0, ramp * config.free_weight, ramp * config.hit_weight)
         value *= self._trust[None, : radii.shape[1]]
-        bearing = pose.yaw_rad + np.asarray(scan.bearing_rad, float)[use, None]
-        scale = 1.0 / config.resolution_m
-        reach = float(radii[0, -1])
-        window = window_around(
-            pose.x_m - reach, pose.y_m - reach, pose.x_m + reach, pose.y_m + reach, 1.0 / scale
-        )
-        x0, y0 = pose.x_m * scale - window.ix0, pose.y_m * scale - window.iy0
-        ix = (np.float32(x0) + radii * (np.cos(bearing) * scale).astype(np.float32)).astype(
-            np.int32
-        )
-        iy = (np.float32(y0) + radii * (np.sin(bearing) * scale).astype(np.float32)).astype(
-            np.int32
-        )
+        eye = pose @ SE2(*self._eye_m)
+        res, far = config.resolution_m, float(radii[0, -1])
+        window = window_around(eye.x_m - far, eye.y_m - far, eye.x_m + far, eye.y_m + far, res)
+        x0, y0 = eye.x_m / res - window.ix0, eye.y_m / res - window.iy0
+        angle = eye.yaw_rad + np.arctan2(aside, ahead)
+        dx, dy = (np.float32(1.0 / res) * f(angle).astype(np.float32) for f in (np.cos, np.sin))
+        ix = (np.float32(x0) + radii * dx[:, None]).astype(np.int32)
+        iy = (np.float32(y0) + radii * dy[:, None]).astype(np.int32)
         flat = iy * np.int32(window.shape[1]) + ix
         touched = radii < end_m
         return window, flat[touched], value[touched]

@@ -19,6 +19,7 @@ from robot.messages import Grid
 
 PLAN_CELL_M = 0.025
 _ESCAPE_M = 0.6  # how far the robot may stand from the nearest place where it fits
+_SMALL_PLACE_M2 = 0.5  # of centres: what lies behind a tight gap must be larger
 _POCKET_M2 = 0.01  # unknown specks inside free floor are floor
 
 
@@ -30,9 +31,11 @@ class Space:
     world_from_plan: SE2  # metric plan frame, its origin at the centre of cell (0, 0)
     clearance_m: np.ndarray  # float32: to the nearest occupied cell's edge
     need_m: float  # clearance that the centre needs
+    shy_m: float  # distance of the centre from unknown floor
     free: np.ndarray  # bool: known and free
     unknown: np.ndarray  # bool
-    centres: np.ndarray  # bool: reachable robot centres
+    drivable: np.ndarray  # bool: reachable robot centres
+    centres: np.ndarray  # bool: those from which to sweep: `drivable` less tight passages
     floor: np.ndarray  # bool: what the brush reaches from them
     uncovered: np.ndarray  # bool: reachable floor not swept yet
     start: np.ndarray  # (2,) cells: where the robot is
@@ -135,8 +138,9 @@ def build_space(
     entry = _entry(fits, matter, at, _ESCAPE_M / cell_m)
     if entry is None:
         return None
-    _, labels = cv2.connectedComponents(fits.astype(np.uint8), connectivity=8)
-    centres = labels == labels[entry[1], entry[0]]
+    drivable, centres = _without_tight_pockets(
+        fits, entry, planning.min_passage_m / cell_m, round(_SMALL_PLACE_M2 / cell_m**2)
+    )
     brush = disc(robot.brush_width_m / 2.0 / cell_m)
     floor = cv2.dilate(centres.astype(np.uint8), brush).astype(bool) & ~matter & ~unseen
     return Space(
@@ -144,8 +148,10 @@ def build_space(
         world_from_plan,
         clearance,
         need_m,
+        planning.unknown_clearance_m,
         ~matter & ~unseen,
         unseen,
+        drivable,
         centres,
         floor,
         floor & ~swept,
@@ -198,3 +204,33 @@ def _entry(
         if not matter[ly, lx][min(n - 1, 3) :].any():
             return int(xs[i]), int(ys[i])
     return None
+
+
+def _without_tight_pockets(
+    fits: np.ndarray, entry: tuple[int, int], gap: float, large: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(drivable, centres) around `entry`: tight gaps serve only to reach large places.
+
+    `gap` is the least width of a passage of centres, in cells, that leads to a small place.
+    """
+    whole = _component(fits, entry)
+    size = round(gap) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    wide = cv2.morphologyEx(whole.astype(np.uint8), cv2.MORPH_OPEN, kernel)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(wide, connectivity=8)
+    keep = stats[:, cv2.CC_STAT_AREA] >= large
+    keep[labels[entry[1], entry[0]]] = True
+    keep[0] = False
+    kept = keep[labels]
+    if not kept.any():
+        return whole, whole
+    tight = whole & (wide == 0)
+    drivable = _component(kept | tight, entry)
+    rough = cv2.dilate(kept.astype(np.uint8), disc(gap / 2.0 + 1.0)).astype(bool)
+    return drivable, drivable & rough
+
+
+def _component(mask: np.ndarray, at: tuple[int, int]) -> np.ndarray:
+    """The cells of `mask` that hang together with `at` (x, y)."""
+    _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    return labels == labels[at[1], at[0]]

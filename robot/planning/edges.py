@@ -13,6 +13,7 @@ import numpy as np
 
 from robot.planning.costmap import Space
 
+_SMOOTH_M = 0.06
 _PIECE_M = 0.10
 _BRIDGE_M = 0.30  # gaps in a chain shorter than this are driven through
 _NEW_SHARE = 0.2  # a piece is worth driving if it sweeps this share of its length anew
@@ -42,9 +43,10 @@ def edge_chains(space: Space, todo: np.ndarray, brush_m: float) -> tuple[list[Ch
 
 
 def paint(mask: np.ndarray, points: np.ndarray, width_cells: float) -> None:
-    """Set to 0 what a brush of `width_cells` sweeps along the polyline."""
+    """Set to 0 what a brush of `width_cells` surely sweeps along the polyline."""
+    # cv2 draws lines up to a cell wider than asked.
     pixels = np.rint(np.asarray(points) * 16.0).astype(np.int32).reshape(-1, 1, 2)
-    cv2.polylines(mask, [pixels], False, 0, max(1, round(width_cells)), cv2.LINE_8, 4)
+    cv2.polylines(mask, [pixels], False, 0, max(1, round(width_cells) - 1), cv2.LINE_8, 4)
 
 
 def _gradient(clearance_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,17 +67,28 @@ def _on_level(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The closed contour moved onto clearance = need and smoothed, and where matter bounds it."""
     real = _sample(space.clearance_m, points) < space.need_m + 1.6 * space.cell_m
-    moved = points.copy()
-    for _ in range(2):
+    # Cells step, and walls seen from afar are ragged: even that out before, not after, the level.
+    moved = _smooth(points, _SMOOTH_M / space.cell_m)
+    for k in range(5):
         gx, gy = _sample(gradient[0], moved), _sample(gradient[1], moved)
         norm = np.maximum(np.hypot(gx, gy), 1e-6)
         lack = (space.need_m - _sample(space.clearance_m, moved)) / space.cell_m
-        step = np.clip(lack, -0.8, 0.8) / norm
+        # Towards matter only a little: gaps in a ragged wall need no visit.
+        step = np.clip(lack, -0.5, 0.8) / norm
         moved = np.where(real[:, None], moved + np.stack([gx, gy], 1) * step[:, None], moved)
-    kernel = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
-    smooth = sum(k * np.roll(moved, i - 2, axis=0) for i, k in enumerate(kernel))
-    keeps = _sample(space.clearance_m, smooth) >= space.need_m - 0.3 * space.cell_m
-    return np.where((keeps & real)[:, None], smooth, moved), real
+        if k < 3:
+            moved = _smooth(moved, 1.0)
+    keeps = _sample(space.clearance_m, moved) >= space.need_m - 0.4 * space.cell_m
+    return np.where((keeps & real)[:, None], moved, points), real
+
+
+def _smooth(points: np.ndarray, sigma: float) -> np.ndarray:
+    """Gaussian of `sigma` points along a closed line."""
+    reach = int(np.ceil(3.0 * sigma))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    ring = np.take(points, np.arange(-reach, len(points) + reach), axis=0, mode="wrap")
+    columns = [np.convolve(ring[:, k], kernel / kernel.sum(), "valid") for k in (0, 1)]
+    return np.stack(columns, axis=1)
 
 
 def _useful(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from robot.planning.costmap import Space
+from robot.planning.costmap import Space, disc
 from robot.planning.path import Lattice
 
 _LOOK_BACK_M = 0.45  # the last leg is at least this long, so that the camera faces the unseen
@@ -17,10 +17,10 @@ _LOOK_BACK_M = 0.45  # the last leg is at least this long, so that the camera fa
 
 def unseen(space: Space, min_unseen_m2: float) -> tuple[np.ndarray, int]:
     """Labels (0: none) of unseen places where the robot might stand, and their count plus one."""
-    hopeful = (space.clearance_m >= space.need_m) & (space.free | space.unknown)
-    hidden = (hopeful & ~space.centres).astype(np.uint8)
+    dim = cv2.dilate(space.unknown.astype(np.uint8), disc(space.shy_m / space.cell_m + 1.0)) > 0
+    hidden = ((space.clearance_m >= space.need_m) & dim & ~space.drivable).astype(np.uint8)
     count, labels, _stats, _ = cv2.connectedComponentsWithStats(hidden, connectivity=4)
-    near = cv2.dilate(space.centres.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    near = cv2.dilate(space.drivable.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     touching = np.unique(labels[near & (labels > 0)])
     unknown = np.bincount(labels[space.unknown], minlength=count)
     keep = np.zeros(count, bool)
@@ -39,7 +39,7 @@ def look_route(
     if count == 1:
         return None
     border = cv2.dilate((labels > 0).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
-    ys, xs = np.nonzero(border & space.centres)
+    ys, xs = np.nonzero(border & space.drivable)
     if len(xs) == 0:
         return None
     points = np.stack([xs, ys], axis=1).astype(float)
@@ -99,5 +99,5 @@ def _facing(space: Space, lattice: Lattice, route: np.ndarray, labels: np.ndarra
 
 def _inside(space: Space, point: np.ndarray) -> bool:
     x, y = round(point[0]), round(point[1])
-    high, wide = space.centres.shape
-    return 0 <= x < wide and 0 <= y < high and bool(space.centres[y, x])
+    high, wide = space.drivable.shape
+    return 0 <= x < wide and 0 <= y < high and bool(space.drivable[y, x])

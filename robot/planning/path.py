@@ -28,6 +28,7 @@ class Lattice:
         self._soft_m = max(soft_clearance_m, space.need_m + 1e-3)
         self._tolerance_m = 0.5 * space.cell_m
         self.points, self._node_of_block = self._nodes()
+        self._bends: dict[tuple[int, int], np.ndarray] = {}
         self._edges = self._connect()
 
     def clear(self, a: np.ndarray, b: np.ndarray, need_m: float | None = None) -> bool:
@@ -96,7 +97,7 @@ class Lattice:
 
         A shortcut may come as near to matter as the nodes it replaces, or to a hand's breadth.
         """
-        points = np.vstack([start[None], self.points[nodes], goal[None]])
+        points = np.vstack([start[None], self._along(nodes), goal[None]])
         space = self._space
         cells = np.rint(points).astype(int)
         room = space.clearance_m[cells[:, 1], cells[:, 0]]
@@ -111,14 +112,22 @@ class Lattice:
         kept.append(points[-1])
         return np.array(kept)
 
+    def _along(self, nodes: list[int]) -> np.ndarray:
+        """The nodes' points, and the bends of edges that are not straight."""
+        points = [self.points[nodes[0]]]
+        for a, b in zip(nodes, nodes[1:], strict=False):
+            bend = self._bends.get((min(a, b), max(a, b)))
+            points += [self.points[b]] if bend is None else [bend, self.points[b]]
+        return np.array(points)
+
     def _nodes(self) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, 2) of the nodes, and the node's number (or -1) of each block."""
         space, b = self._space, self._block
-        high, wide = space.centres.shape
+        high, wide = space.drivable.shape
         rows, columns = -(-high // b), -(-wide // b)
         room = np.full((rows * b, columns * b), -1.0, np.float32)
         room[:high, :wide] = np.where(
-            space.centres, np.minimum(space.clearance_m, self._soft_m), -1
+            space.drivable, np.minimum(space.clearance_m, self._soft_m), -1
         )
         # Among equals the block's middle.
         offset = np.abs(np.arange(b) - (b - 1) / 2.0)
@@ -151,8 +160,10 @@ class Lattice:
         y = np.rint(p[:, 1:] + (q - p)[:, 1:] * t).astype(int)
         room = space.clearance_m[y, x].min(axis=1)
         good = (room >= space.need_m - self._tolerance_m) & ~space.unknown[y, x].any(axis=1)
-        pair, room = pair[good], room[good]
-        length = np.hypot(*(p - q)[good].T)
+        bent = self._bend(pair[~good])
+        pair = np.vstack([pair[good], bent])
+        room = np.concatenate([room[good], np.full(len(bent), space.need_m)])
+        length = np.hypot(*(self.points[pair[:, 0]] - self.points[pair[:, 1]]).T)
         tight = np.clip((self._soft_m - room) / (self._soft_m - space.need_m), 0.0, 1.0)
         cost = length * (1.0 + tight)
         edges: list[list[tuple[int, float]]] = [[] for _ in range(len(self.points))]
@@ -160,3 +171,24 @@ class Lattice:
             edges[i].append((j, c))
             edges[j].append((i, c))
         return edges
+
+    def _bend(self, pairs: np.ndarray) -> np.ndarray:
+        """Those pairs of neighbours that touch although no straight line joins them."""
+        b, drivable = self._block, self._space.drivable
+        touching = []
+        for i, j in pairs.tolist():
+            x, y = (self.points[i] // b).astype(int) * b
+            dx, dy = ((self.points[j] // b) - (self.points[i] // b)).astype(int)
+            if dx and dy:
+                continue
+            ys = np.arange(y, min(y + b, drivable.shape[0])) if dx else np.array([y + b - 1])
+            xs = np.arange(x, min(x + b, drivable.shape[1])) if dy else np.array([x + b - 1])
+            ys, xs = np.broadcast_arrays(ys, xs)
+            both = np.flatnonzero(drivable[ys, xs] & drivable[ys + dy, xs + dx])
+            if len(both):
+                middle = both[len(both) // 2]
+                self._bends[min(i, j), max(i, j)] = np.array(
+                    [xs[middle] + 0.5 * dx, ys[middle] + 0.5 * dy]
+                )
+                touching.append((i, j))
+        return np.array(touching, np.int64).reshape(-1, 2)

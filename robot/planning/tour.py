@@ -43,6 +43,7 @@ class _Tour:
         self._later = _LANES_LATER_M / space.cell_m
         self._slack = _SLACK_M / space.cell_m
         self._ways = [_ways(piece) for piece in pieces]
+        self._cells = {i for i, p in enumerate(pieces) if isinstance(p, Cell)}
         self._later_of = [self._later if isinstance(p, Cell) else 0.0 for p in pieces]
         self._entries: dict[int, list[tuple[int, int]]] = {}
         for i, ways in enumerate(self._ways):
@@ -59,7 +60,7 @@ class _Tour:
             if found is None:
                 break
             piece, way, approach = found
-            line = self._driven(approach, self._ways[piece][way])
+            line = self._driven(approach, self._ways[piece][way], piece in self._cells)
             lines.append(line)
             left.discard(piece)
             at = line[-1]
@@ -104,18 +105,14 @@ class _Tour:
             return piece, way, np.array([at, entry])
         return piece, way, self._lattice.pulled(at, self._lattice.trace(parent, node), entry)
 
-    def _driven(self, approach: np.ndarray, way: np.ndarray) -> np.ndarray:
-        """Approach and way in one line; legs of the way that are not clear go round."""
-        points = [p for p in approach]
-        for p in way:
-            last = points[-1]
-            if math.hypot(*(p - last)) < 0.2:
-                continue
-            if math.hypot(*(p - last)) > 4.0 and not self._lattice.clear(last, p):
-                route = self._lattice.route(last, p)
+    def _driven(self, approach: np.ndarray, way: np.ndarray, links: bool) -> np.ndarray:
+        """Approach and way in one line; `links` between runs that are not clear go round."""
+        points = list(approach[:-1])
+        for k, p in enumerate(way):
+            if links and k > 0 and k % 2 == 0 and not self._lattice.clear(way[k - 1], p):
+                route = self._lattice.route(way[k - 1], p)
                 if route is not None:
-                    points += list(route[1:])
-                    continue
+                    points += list(route[1:-1])
             points.append(p)
         return np.array(points)
 

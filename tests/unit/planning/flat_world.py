@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -12,14 +13,17 @@ from robot.config import MappingConfig, PlanningConfig, RobotConfig
 from robot.geometry.se2 import SE2
 from robot.mapping.grid import OccupancyGrid
 from robot.mapping.swept import SweptFloor
-from robot.messages import Planned, PlanOrder, Scan
+from robot.messages import Path, Planned, PlanOrder, Scan
 from robot.planning.worker import plan
 
 CELL_M = 0.01
 FOV_RAD = math.radians(70.0)
 BEAMS = 120
-EYE_X_M = 0.13
+EYE_X_M, EYE_Y_M = 0.13, 0.03
 BLIND_M = 0.21
+DT_S = 0.02
+GRAZE_M, NEAR_MPS = 0.015, 0.14
+SHARP_RAD = 0.6
 FOCAL_BASELINE = 228.0 * 0.06
 
 
@@ -73,10 +77,9 @@ class FlatWorld:
         """What stereo at 9 cm height would report: noisy ranges, floor seen free up to matter."""
         angle = np.linspace(-FOV_RAD / 2, FOV_RAD / 2, BEAMS)
         r = np.arange(0.02, 4.0, 0.008)
-        c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        ex, ey = pose.x_m + c * EYE_X_M, pose.y_m + s * EYE_X_M
-        x = ex + np.cos(pose.yaw_rad + angle)[:, None] * r
-        y = ey + np.sin(pose.yaw_rad + angle)[:, None] * r
+        eye = pose @ SE2(EYE_X_M, EYE_Y_M)
+        x = eye.x_m + np.cos(pose.yaw_rad + angle)[:, None] * r
+        y = eye.y_m + np.sin(pose.yaw_rad + angle)[:, None] * r
         ix = np.clip((x / CELL_M).astype(int), 0, self.matter.shape[1] - 1)
         iy = np.clip((y / CELL_M).astype(int), 0, self.matter.shape[0] - 1)
         hits = self.matter[iy, ix]
@@ -88,8 +91,8 @@ class FlatWorld:
         seen[(seen > 3.5)] = np.nan
         clear = np.where(np.isfinite(depth), np.minimum(depth, 2.0), 2.0)
         clear = np.where(depth < BLIND_M, 0.0, clear)
-        bx, by = EYE_X_M + seen * np.cos(angle), seen * np.sin(angle)
-        qx, qy = EYE_X_M + clear * np.cos(angle), clear * np.sin(angle)
+        bx, by = EYE_X_M + seen * np.cos(angle), EYE_Y_M + seen * np.sin(angle)
+        qx, qy = EYE_X_M + clear * np.cos(angle), EYE_Y_M + clear * np.sin(angle)
         bearing = np.where(np.isfinite(seen), np.arctan2(by, bx), np.arctan2(qy, qx))
         order = np.argsort(bearing, kind="stable")
         return Scan(
@@ -138,7 +141,7 @@ class Run:
 
 
 class Cleaner:
-    """The loop map -> plan -> drive with a perfect pose, 20 Hz kinematics, scans at 10 Hz."""
+    """The loop map -> plan -> drive with a perfect pose, 50 Hz kinematics, scans at 10 Hz."""
 
     def __init__(
         self,
@@ -161,8 +164,10 @@ class Cleaner:
         self.track: list[tuple[float, float, float, float]] = []
         self.collisions = 0
         self.blocked = False
+        self.plan_index: list[int] = []  # of the track, where each plan came
+        self.bumps: list[tuple[float, float, float, float, float]] = []
 
-    def step(self, v: float, w: float, dt: float = 0.05) -> None:
+    def step(self, v: float, w: float, dt: float = DT_S) -> None:
         yaw = self.pose.yaw_rad + w * dt
         x = self.pose.x_m + v * dt * math.cos(self.pose.yaw_rad + w * dt / 2)
         y = self.pose.y_m + v * dt * math.sin(self.pose.yaw_rad + w * dt / 2)
@@ -176,45 +181,95 @@ class Cleaner:
         self.tick += 1
         self.track.append((self.t_s, x, y, self.pose.yaw_rad))
         self.swept.sweep(self.pose)
-        if self.tick % 2 == 0:
+        if self.tick % 5 == 0:
             self.grid.clear_footprint(self.pose, self.robot.radius_m)
             self.grid.integrate(self.pose, self.world.scan(self.pose, self.rng))
 
     def turn_to(self, yaw: float) -> None:
-        for _ in range(400):
+        for _ in range(1000):
             error = (yaw - self.pose.yaw_rad + math.pi) % (2 * math.pi) - math.pi
             if abs(error) < 0.02:
                 return
-            self.step(0.0, max(-1.2, min(1.2, error / 0.05)))
+            self.step(0.0, max(-1.2, min(1.2, error / 0.1)))
 
     def bump(self) -> None:
-        """Remember what was touched and back off."""
-        c, s = math.cos(self.pose.yaw_rad), math.sin(self.pose.yaw_rad)
+        """Remember which half of the bumper was touched, as a robot would, and back off."""
+        x, y = self.pose.x_m, self.pose.y_m
+        iy, ix = np.nonzero(self.world.matter)
+        near = np.argmin((ix * CELL_M - x) ** 2 + (iy * CELL_M - y) ** 2)
+        bearing = math.atan2(iy[near] * CELL_M - y, ix[near] * CELL_M - x) - self.pose.yaw_rad
+        bearing = (bearing + math.pi) % (2 * math.pi) - math.pi
+        side = 0.0 if abs(bearing) < 0.35 else math.copysign(0.8, bearing)
+        self.bumps.append((self.t_s, x, y, self.pose.yaw_rad, bearing))
+        c, s = math.cos(self.pose.yaw_rad + side), math.sin(self.pose.yaw_rad + side)
         r = self.robot.radius_m + 0.01
-        self.grid.mark_obstacle(np.array([[self.pose.x_m + c * r, self.pose.y_m + s * r]]))
-        for _ in range(6):
+        self.grid.mark_obstacle(np.array([[x + c * r, y + s * r]]))
+        for _ in range(30):
             self.step(-0.15, 0.0)
 
-    def follow(self, points: np.ndarray, until_s: float) -> bool:
-        """Drive along the waypoints; False when time is up or something was touched."""
-        for p in points:
-            for _ in range(4000):
-                if self.t_s >= until_s:
-                    return False
-                dx, dy = p[0] - self.pose.x_m, p[1] - self.pose.y_m
-                far = math.hypot(dx, dy)
-                if far < 0.012:
-                    break
-                error = (math.atan2(dy, dx) - self.pose.yaw_rad + math.pi) % (2 * math.pi) - math.pi
-                if abs(error) > 0.35 and far > 0.02:
-                    self.turn_to(math.atan2(dy, dx))
-                    continue
-                v = min(self.robot.cruise_mps, far / 0.05)
-                self.step(v, max(-1.2, min(1.2, error / 0.1)))
+    def follow(self, path: Path) -> bool:
+        """Drive along the path; False when the map has grown, or something is in the way."""
+        began_s, free = self.t_s, self.free_cells()
+        points = _without_repeats(path.points_m)
+        for i in range(1, len(points)):
+            while not self._reached(points, i):
+                if self.tick % 20 == 0:
+                    grown_m2 = (self.free_cells() - free) * self.mapping.resolution_m**2
+                    if grown_m2 >= 1.5 and self.t_s - began_s >= 20.0:
+                        return False
+                    if self._meets_matter(points[i : i + 8]):
+                        return False
+                self._steer(points, i)
                 if self.blocked:
                     self.bump()
                     return False
         return True
+
+    def _reached(self, points: np.ndarray, i: int) -> bool:
+        """Whether the robot has passed waypoint `i`, or is near enough to a gentle bend there."""
+        leg, at = points[i] - points[i - 1], np.array([self.pose.x_m, self.pose.y_m])
+        left_m = float((points[i] - at) @ leg) / math.hypot(*leg)
+        gentle = i + 1 < len(points) and _bend(points[i - 1 : i + 2]) < SHARP_RAD
+        return left_m < (0.04 if gentle else 0.008)
+
+    def _steer(self, points: np.ndarray, i: int) -> None:
+        """Line-of-sight guidance along the leg to waypoint `i`; large errors are turned away."""
+        a, leg = points[i - 1], points[i] - points[i - 1]
+        far = math.hypot(*leg)
+        off = ((self.pose.x_m - a[0]) * -leg[1] + (self.pose.y_m - a[1]) * leg[0]) / far
+        wished = math.atan2(leg[1], leg[0]) - math.atan2(off, 0.12)
+        error = (wished - self.pose.yaw_rad + math.pi) % (2 * math.pi) - math.pi
+        if abs(error) > SHARP_RAD:
+            self.turn_to(wished)
+            return
+        left_m = float((points[i] - (self.pose.x_m, self.pose.y_m)) @ leg) / far
+        last = i + 1 == len(points) or _bend(points[i - 1 : i + 2]) >= SHARP_RAD
+        v = min(self.robot.cruise_mps, math.sqrt(2 * 0.6 * max(left_m, 1e-3)) if last else 1.0)
+        if self.clearance() < self.robot.radius_m + GRAZE_M:
+            v = min(v, NEAR_MPS)
+        self.step(max(v, 0.04) * math.cos(error), max(-1.2, min(1.2, 4.0 * error)))
+
+    def _meets_matter(self, points: np.ndarray) -> bool:
+        """Whether the map has something on the next waypoints within half a metre or so."""
+        view, res = self.grid.snapshot(), self.mapping.resolution_m
+        ys, xs = np.nonzero(view.cells == 100)
+        matter = np.stack([xs + 0.5, ys + 0.5], 1) * res + (view.origin_x_m, view.origin_y_m)
+        at = np.array([self.pose.x_m, self.pose.y_m])
+        matter = matter[np.abs(matter - at).max(axis=1) < 1.0]
+        for p in points:
+            if np.hypot(*(p - at)) > 0.7:
+                break
+            if len(matter) and np.hypot(*(matter - p).T).min() < self.robot.radius_m - 0.05:
+                return True
+        return False
+
+    def free_cells(self) -> int:
+        """Count of the free cells known now."""
+        return int(np.count_nonzero(self.grid.snapshot().cells == 0))
+
+    def clearance(self) -> float:
+        """Distance from the robot's centre to matter."""
+        return float(self.room[int(self.pose.y_m / CELL_M), int(self.pose.x_m / CELL_M)])
 
     def order(self, kind: str = "coverage", goal: SE2 | None = None) -> PlanOrder:
         snapshot = self.grid.snapshot()
@@ -228,10 +283,10 @@ class Cleaner:
             goal,
         )
 
-    def clean(self, limit_s: float = 1500.0, replan_s: float = 15.0, clock=None) -> Run:
+    def clean(self, limit_s: float = 1500.0, clock: Callable[[], float] | None = None) -> Run:
         """Back off, look around, and clean until the planner has nothing left."""
         plans, plan_s, finished = [], [], False
-        for _ in range(36):
+        for _ in range(90):
             self.step(-0.25, 0.0)
         self.turn_to(self.pose.yaw_rad + 2.0)
         self.turn_to(self.pose.yaw_rad + 2.0)
@@ -245,9 +300,12 @@ class Cleaner:
             if len(answer.path.points_m) == 0:
                 finished = True
                 break
-            self.follow(answer.path.points_m[1:], self.t_s + replan_s)
+            self.plan_index.append(len(self.track))
+            for _ in range(10):  # an answer takes its time
+                self.step(0.0, 0.0)
+            self.follow(answer.path)
         track = np.array(self.track)
-        _centres, floor = self.world.reachable(self.pose, self.robot)
+        _, floor = self.world.reachable(SE2(*self.track[75][1:]), self.robot)
         covered = swept_truth(track, floor.shape, self.robot.brush_width_m)
         return Run(
             track,
@@ -262,6 +320,17 @@ class Cleaner:
             self.swept,
             finished,
         )
+
+
+def _bend(three: np.ndarray) -> float:
+    """Angle of the corner at the middle point."""
+    (ax, ay), (bx, by) = np.diff(three, axis=0)
+    return abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+
+
+def _without_repeats(points: np.ndarray) -> np.ndarray:
+    far = np.hypot(*np.diff(points, axis=0).T)
+    return points[np.append(True, far > 0.004)]
 
 
 def swept_truth(track: np.ndarray, shape: tuple[int, int], brush_m: float) -> np.ndarray:
@@ -280,7 +349,7 @@ def swept_truth(track: np.ndarray, shape: tuple[int, int], brush_m: float) -> np
 
 def picture(run: Run, world: FlatWorld, path: str, plan_index: int | None = None) -> None:
     """Draw matter, reachable floor that was missed, and the track, as a PNG."""
-    _, floor = world.reachable(SE2(*run.track[-1, 1:]), RobotConfig())
+    _, floor = world.reachable(SE2(*run.track[75, 1:]), RobotConfig())
     covered = swept_truth(run.track, floor.shape, 0.2)
     image = np.full((*world.matter.shape, 3), 255, np.uint8)
     image[covered & floor] = (220, 245, 220)
