@@ -49,6 +49,9 @@ class Drive:
         if seconds(self._looked_ns, now.t_ns) >= LOOK_EVERY_S:
             self._looked_ns = now.t_ns
             ahead = self._follower.ahead(LOOK_AHEAD_M)
+            # What is under the robot already is the gate's business: a plan may lead out of it.
+            away = np.hypot(ahead[:, 0] - now.pose.x_m, ahead[:, 1] - now.pose.y_m)
+            ahead = ahead[away > now.robot.radius_m]
             if meets_matter(ahead, now.view, now.robot.radius_m - SLACK_M):
                 self.blocked = "the map shows something on the path"
         if self.blocked:

@@ -14,6 +14,7 @@ TIMEOUT_S = 300.0
 STAGES_M = (0.0, 0.2, -0.15, 0.4)  # other distances, tried when there is no way to one
 MAX_UNANSWERED = 3
 GRIDLOCK_M = 0.15
+LAST_LEG_M = 0.5  # blocked so near the end: it is the place itself that is taken
 
 
 class Return(State):
@@ -76,6 +77,8 @@ class Return(State):
 
     def _blocked(self, now: Situation, why: str) -> Step:
         at_m, self._blocked_at_m = self._blocked_at_m, now.driven_m
+        if self._drive is not None and self._drive.remaining_m < LAST_LEG_M:
+            return self._another_stage(now, why)
         if at_m is not None and now.driven_m - at_m < GRIDLOCK_M:
             return Step(then=Recover("blocked", self), reason=why)
         self._order(now)

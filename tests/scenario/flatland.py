@@ -97,10 +97,18 @@ class Flat:
         self.solid_m = _distance(self.solid)
         self.seen_m = _distance(self.seen)
 
-    def put(self, box: Box) -> None:
-        """Place something while the robot is at work."""
-        self._fill(self.seen, box)
-        self._fill(self.solid, box)
+    def put(
+        self, box: Box, *, visible: bool = True, but: tuple[float, float, float] = (0, 0, 0)
+    ) -> None:
+        """Place something while the robot is at work, with a round hole `but` (x, y, radius)."""
+        fresh = np.zeros(self.solid.shape, bool)
+        self._fill(fresh, box)
+        ys, xs = np.nonzero(fresh)
+        hole = np.hypot((xs + 0.5) * CELL_M - but[0], (ys + 0.5) * CELL_M - but[1]) < but[2]
+        fresh[ys[hole], xs[hole]] = False
+        self.solid |= fresh
+        if visible:
+            self.seen |= fresh
         self.update()
 
     def reachable(self, radius_m: float, brush_m: float) -> np.ndarray:
