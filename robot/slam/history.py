@@ -75,7 +75,6 @@ class OdometryBuffer:
     def __init__(self) -> None:
         self._left, self._right, self._yaw = Series(), Series(), Series()
         self._offset = (0.0, 0.0)  # added after a reset of the counters
-        self._rate = 0.0
 
     @property
     def newest_ns(self) -> int | None:
@@ -96,14 +95,13 @@ class OdometryBuffer:
         self._right.append(t_ns, right)
 
     def add_gyro(self, t_ns: int, yaw_rate_radps: float) -> None:
-        """Add a turn rate; the turn between two samples is their trapezoid."""
+        """Add a turn rate: the mean since the last sample, as a gyro's low-pass filter gives it."""
         if not self._yaw.t_ns:
             self._yaw.append(t_ns, 0.0)
         elif t_ns > self._yaw.t_ns[-1]:
             gap = t_ns - self._yaw.t_ns[-1]
-            mean = 0.5 * (self._rate + yaw_rate_radps) if gap <= _MAX_GAP_NS else 0.0
-            self._yaw.append(t_ns, self._yaw.value[-1] + mean * gap * 1e-9)
-        self._rate = yaw_rate_radps
+            mean_radps = yaw_rate_radps if gap <= _MAX_GAP_NS else 0.0
+            self._yaw.append(t_ns, self._yaw.value[-1] + mean_radps * gap * 1e-9)
 
     def mark(self, t_ns: int) -> Mark:
         """The counters at `t_ns`."""

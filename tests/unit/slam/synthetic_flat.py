@@ -228,8 +228,7 @@ def drive(
     eye = Eye(rng, faults, per_m)
     rate = np.diff(poses[:, 2], prepend=0.0)
     rate = ((rate + math.pi) % (2 * math.pi) - math.pi) / TICK_S
-    rate = 0.5 * (rate + np.append(rate[1:], 0.0)) + bias
-    rate += rng.normal(0, faults.gyro_noise_radps, len(rate))
+    rate += bias + rng.normal(0, faults.gyro_noise_radps, len(rate))
     events, frames, waiting, last = [], [], None, poses[0]
     for k, pose in enumerate(poses):
         t_ns = k * 20_000_000
