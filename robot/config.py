@@ -86,6 +86,7 @@ class PerceptionConfig(Section):
     landmark_age: Count = 8  # frames that a point must have been followed
     landmark_range_m: Positive = 5.0
     edges: bool = True  # vertical edges beside points
+    max_step_m: Positive = 0.3  # of visual odometry between two frames: more is a mistake
     # dock marker
     marker_every: Count = 3  # frames between two searches while no marker is in sight
 
@@ -154,6 +155,7 @@ class PlanningConfig(Section):
     soft_clearance_m: Positive = 0.35  # routes prefer this much room around the centre
     min_patch_m2: Positive = 0.01  # uncovered specks smaller than this are left
     min_sliver_m: NotNegative = 0.05  # and strips thinner than this
+    horizon_m: NotNegative = 8.0  # paths end about there, the map will have grown; 0: never
     min_unseen_m2: Positive = 0.03  # smallest unseen floor worth a look
     turn_cost_m: NotNegative = (
         0.25  # a turn on the spot by 90 degrees costs as much as driving this

@@ -49,7 +49,7 @@ class Perception:
         self._scan = ScanMaker(config, camera)
         self._tracker = Tracker(config, camera, self._ids)
         self._landmarks = LandmarkMaker(config, camera)
-        self._odometry = VisualOdometry(camera)
+        self._odometry = VisualOdometry(camera, config.max_step_m)
         self._marker = MarkerFinder(config, robot, camera)
         self._marker_track = -1
         self._last_yaw_rad = 0.0

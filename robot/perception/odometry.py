@@ -37,8 +37,8 @@ class _Pairs:
 class VisualOdometry:
     """Remembers the points of the last frame."""
 
-    def __init__(self, camera: StereoCamera) -> None:
-        self._camera = camera
+    def __init__(self, camera: StereoCamera, max_step_m: float = MAX_STEP_M) -> None:
+        self._camera, self._max_step_m = camera, max_step_m
         self._last: Points | None = None
         self._motion = SE2()
 
@@ -69,7 +69,7 @@ class VisualOdometry:
         inlier = np.sum(residual**2, axis=1) < OUTLIER_SIGMA**2
         count = int(np.count_nonzero(inlier))
         moved = math.hypot(pose[0], pose[1])
-        possible = moved < MAX_STEP_M and abs(pose[2]) < MAX_STEP_RAD
+        possible = moved < self._max_step_m and abs(pose[2]) < MAX_STEP_RAD
         if count < max(MIN_INLIERS, MIN_SHARE * len(index)) or not possible:
             self._motion = SE2()
             return None, points
