@@ -12,7 +12,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from robot.config import CameraConfig, PerceptionConfig
 from robot.errors import DataError, ModelError
+from robot.perception.depth import make_depth
 
 MAX_DISPARITY = 64
 MODELS = Path(__file__).resolve().parents[2] / "models"
@@ -51,14 +53,10 @@ def _padded(compute: Match) -> Match:
     return match
 
 
-def fair_sgbm() -> Match:
-    """SGBM configured as well as it deserves (3-way, small block, padded left border)."""
-    block = 3
-    engine = cv2.StereoSGBM.create(
-        0, MAX_DISPARITY, block, 4 * block**2, 16 * block**2, preFilterCap=31,
-        uniquenessRatio=10, speckleWindowSize=100, speckleRange=2, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
-    )  # fmt: skip
-    return _padded(engine.compute)
+def _as_on_the_robot(config: PerceptionConfig, model: bytes | None = None) -> Match:
+    """The very matcher that the runtime would use, for the protocol's image size."""
+    depth = make_depth(config, CameraConfig().stereo_camera(), model)
+    return lambda left, right: depth.match(left, right).disparity_px
 
 
 def example_sgbm() -> Match:
@@ -90,9 +88,7 @@ def read_manifest(models: Path) -> dict[str, Any]:
 
 
 def network(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
-    """A network of the manifest through ONNX Runtime. ModelError if it is not there or damaged."""
-    import onnxruntime
-
+    """A network of the manifest, as the runtime runs it. ModelError if missing or damaged."""
     entries = {n["name"]: n for n in read_manifest(models)["networks"]}
     if name not in entries:
         known = ", ".join([*sorted(entries), *CLASSICAL])
@@ -103,26 +99,18 @@ def network(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
     data = path.read_bytes()
     if hashlib.sha256(data).hexdigest() != entries[name]["sha256"]:
         raise ModelError(f"{path} does not match its sha256 in manifest.toml; restore both.")
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-
-    def match(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        eyes = {
-            eye: ((image.astype(np.float32) - 128) / 64)[None, None]
-            for eye, image in (("left", left), ("right", right))
-        }
-        return session.run(["disparity"], eyes)[0][0, 0]
-
-    return Matcher(name, match, entries[name].get("a53_minstr"))
+    config = PerceptionConfig(matcher="onnx", onnx_threads=threads)
+    return Matcher(name, _as_on_the_robot(config, data), entries[name].get("a53_minstr"))
 
 
 def make_matcher(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
     """Any matcher of the bench by name."""
-    classical = {"sgbm": fair_sgbm, "sgbm_example": example_sgbm, "bm": block_matching}
-    if name in classical:
-        return Matcher(name, classical[name]())
+    if name == "sgbm":
+        return Matcher(name, _as_on_the_robot(PerceptionConfig(matcher="sgbm")))
+    if name == "sgbm_example":
+        return Matcher(name, example_sgbm())
+    if name == "bm":
+        return Matcher(name, block_matching())
     if name in ("similarity", "cost_volume", "given"):
         raise DataError(f"matcher {name!r} is not built; use a network of the manifest or sgbm.")
     return network(name, models, threads)
