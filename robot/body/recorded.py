@@ -14,7 +14,8 @@ from typing import Protocol
 
 import numpy as np
 
-from robot.body.recordings import PairFiles, Recording, read_grey
+from robot.body.recording_files import read_grey
+from robot.body.recordings import PairFiles, Recording
 from robot.messages import Command, Event, ImuSample, Seen, StereoFrame, Tick
 
 NS = 1_000_000_000

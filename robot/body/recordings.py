@@ -8,21 +8,26 @@ KITTI odometry (Geiger et al., CVPR 2012): `image_0`, `image_1`, `times.txt`, `c
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
+from robot.body.recording_files import (
+    images_by_stem,
+    parse_rows,
+    read_grey,
+    read_table,
+    read_text,
+)
 from robot.errors import CalibrationError, FrameError
 from robot.perception.calibration import StereoCalibration
 from robot.perception.calibration_files import parse_calibration
 
 MAX_SHUTTER_GAP_NS = 2_000_000  # left and right stamped further apart are no pair
 KITTI_CAMERA_HEIGHT_M = 1.65
-_IMAGES = {".png", ".jpg", ".jpeg", ".pgm", ".bmp", ".tif", ".tiff", ".webp"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,17 +94,6 @@ def open_recording(path: Path) -> Recording:
     return recording
 
 
-def read_grey(path: Path | None) -> np.ndarray | None:
-    """A grey uint8 image (h, w), or None if the file is missing or damaged."""
-    if path is None:
-        return None
-    try:
-        data = np.fromfile(path, np.uint8)
-    except OSError:
-        return None
-    return cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-
-
 def _kind(path: Path) -> str | None:
     if any((folder / "cam0").is_dir() for folder in (path / "mav0", path)):
         return "euroc"
@@ -113,7 +107,7 @@ def _open_euroc(path: Path) -> Recording:
     root = path / "mav0" if (path / "mav0").is_dir() else path
     eyes = [root / "cam0", root / "cam1"]
     sensors = [eye / "sensor.yaml" for eye in eyes]
-    texts = [_text(sensor, CalibrationError, "the eye's calibration") for sensor in sensors]
+    texts = [read_text(sensor, CalibrationError, "the eye's calibration") for sensor in sensors]
     calibration = parse_calibration(
         texts[0], str(sensors[0]), right_text=texts[1], right_name=str(sensors[1])
     )
@@ -134,9 +128,11 @@ def _open_euroc(path: Path) -> Recording:
 def _euroc_images(eye: Path) -> list[tuple[int, Path | None]]:
     """Stamps and files in the order of `data.csv`; a listed file may have another extension."""
     table = eye / "data.csv"
-    by_stem = _images_by_stem(eye / "data")
+    by_stem = images_by_stem(eye / "data")
     images: list[tuple[int, Path | None]] = []
-    for number, line in enumerate(_text(table, FrameError, "the list of frames").splitlines(), 1):
+    for number, line in enumerate(
+        read_text(table, FrameError, "the list of frames").splitlines(), 1
+    ):
         words = [word.strip() for word in line.split(",")]
         if not words[0] or words[0].startswith("#"):
             continue
@@ -180,9 +176,9 @@ def _euroc_gyro(imu: Path, body_from_cam: np.ndarray, start_ns: int) -> np.ndarr
     """(n, 4): seconds after `start_ns`, and turn rates about the left camera's axes."""
     if not (imu / "data.csv").is_file():
         return np.empty((0, 4))
-    stamps, rows = _numbers(imu / "data.csv", 7)
+    stamps, rows = read_table(imu / "data.csv", 7)
     sensor = imu / "sensor.yaml"
-    body_from_imu = _body_from_sensor(sensor.read_text()) if sensor.is_file() else np.eye(4)
+    body_from_imu = _body_from_sensor(sensor.readread_text()) if sensor.is_file() else np.eye(4)
     rates = rows[:, :3] @ body_from_imu[:3, :3].T @ body_from_cam[:3, :3]
     return np.column_stack([(stamps - start_ns) * 1e-9, rates])
 
@@ -192,7 +188,7 @@ def _euroc_truth(root: Path, body_from_cam: np.ndarray) -> tuple[np.ndarray, np.
     table = root / "state_groundtruth_estimate0" / "data.csv"
     if not table.is_file():
         return np.empty(0, np.int64), np.empty((0, 4, 4))
-    stamps, rows = _numbers(table, 8)
+    stamps, rows = read_table(table, 8)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3] = _rotations(rows[:, 3:7])
     poses[:, :3, 3] = rows[:, :3]
@@ -224,9 +220,11 @@ def _body_from_sensor(text: str) -> np.ndarray:
 
 
 def _open_kitti(path: Path) -> Recording:
-    left, right = (_images_by_stem(path / folder) for folder in ("image_0", "image_1"))
+    left, right = (images_by_stem(path / folder) for folder in ("image_0", "image_1"))
     times = path / "times.txt"
-    seconds = [row[0] for row in _rows(times, _text(times, FrameError, "the list of times"), 1)]
+    seconds = [
+        row[0] for row in parse_rows(times, read_text(times, FrameError, "the list of times"), 1)
+    ]
     stamps = [round(t * 1e9) for t in seconds]
     pairs = [
         PairFiles(stamps[index], left.get(stem), right.get(stem))
@@ -235,11 +233,13 @@ def _open_kitti(path: Path) -> Recording:
     poses = path / "poses.txt"
     truth = np.empty((0, 4, 4))
     if poses.is_file():
-        rows = np.array(_rows(poses, poses.read_text(), 12)).reshape(-1, 3, 4)[: len(stamps)]
+        rows = np.array(parse_rows(poses, poses.readread_text(), 12)).reshape(-1, 3, 4)[
+            : len(stamps)
+        ]
         truth = np.tile(np.eye(4), (len(rows), 1, 1))
         truth[:, :3] = rows
     calib = path / "calib.txt"
-    text = _text(calib, CalibrationError, "the camera's calibration")
+    text = read_text(calib, CalibrationError, "the camera's calibration")
     return Recording(
         name=path.name,
         path=path,
@@ -274,43 +274,3 @@ def _first_size(path: Path, images: dict[str, Path]) -> tuple[int, int]:
         if image is not None:
             return image.shape[1], image.shape[0]
     raise FrameError(f"{path}: not one image can be read; copy the images into image_0.")
-
-
-# ---------------------------------------------------------------- files
-
-
-def _images_by_stem(folder: Path) -> dict[str, Path]:
-    if not folder.is_dir():
-        raise FrameError(f"{folder}: the folder of images is missing; copy it to its place.")
-    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in _IMAGES)
-    return {file.stem: file for file in files}
-
-
-def _text(path: Path, error: type[FrameError | CalibrationError], what: str) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        raise error(f"{path}: {what} is missing; copy the data set's file there.") from None
-
-
-def _numbers(table: Path, least: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps in nanoseconds (n,), to a float's 256 ns, and the other columns of an ASL table."""
-    rows = _rows(table, _text(table, FrameError, "the table"), least, ",")
-    numbers = np.array(rows, dtype=float).reshape(-1, least)
-    return numbers[:, 0].astype(np.int64), numbers[:, 1:]
-
-
-def _rows(path: Path, text: str, least: int, separator: str | None = None) -> Sequence[list[float]]:
-    """Numbers of each line, at least so many; comments and empty lines are skipped."""
-    rows = []
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip() or line.startswith("#"):
-            continue
-        try:
-            row = [float(word) for word in line.split(separator)]
-        except ValueError:
-            row = []
-        if len(row) < least:
-            raise FrameError(f"{path}, line {number}: not {least} numbers; correct that line.")
-        rows.append(row[:least])
-    return rows
