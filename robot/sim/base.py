@@ -9,48 +9,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robot.config import RobotConfig, SimConfig
 from robot.geometry.se2 import SE2, exp
-from robot.sim.world import DOCK_REACH_M, World
+from robot.sim.collide import inside, nearest
+from robot.sim.world import World
 
 FULL_SPEED_MPS = 0.6  # rim speed at full PWM, what the firmware's feed-forward expects
 FRONT_RAD = math.radians(100.0)  # the bumper reaches a little past the sides
 BOTH_SIDES_RAD = math.radians(15.0)
 CLIFF_AHEAD_RAD = (-0.8, -0.3, 0.3, 0.8)  # the four sensors under the front rim
 GATHER_M = 0.5
+DOCK_REACH_M = 0.02  # the charge contacts' spring travel
+SAME_SIDE = 0.8  # cosine between two touches of one wall
 RELEASE_M = 0.002  # the bumper's spring
-
-
-@njit(cache=True)
-def _nearest(segments, x, y, from_m):  # type: ignore[no-untyped-def]
-    """Closest point (distance, nx, ny) of all segments nearer than `from_m`; n points away."""
-    best, nx, ny = from_m, 0.0, 0.0
-    for i in range(segments.shape[0]):
-        ax, ay = segments[i, 0], segments[i, 1]
-        bx, by = segments[i, 2] - ax, segments[i, 3] - ay
-        px, py = x - ax, y - ay
-        t = (px * bx + py * by) / (bx * bx + by * by + 1e-12)
-        t = min(max(t, 0.0), 1.0)
-        dx, dy = px - t * bx, py - t * by
-        d = math.sqrt(dx * dx + dy * dy)
-        if d < best:
-            best, nx, ny = d, dx / max(d, 1e-9), dy / max(d, 1e-9)
-    return best, nx, ny
-
-
-@njit(cache=True)
-def _inside(polygon, x, y):  # type: ignore[no-untyped-def]
-    """Whether a point lies in a polygon (even-odd rule)."""
-    inside = False
-    j = polygon.shape[0] - 1
-    for i in range(polygon.shape[0]):
-        xi, yi, xj, yj = polygon[i, 0], polygon[i, 1], polygon[j, 0], polygon[j, 1]
-        if (yi > y) != (yj > y) and x < (xj - xi) * (y - yi) / (yj - yi) + xi:
-            inside = not inside
-        j = i
-    return inside
+FULL_V, EMPTY_V, CAPACITY_AH, CHARGE_A = 16.4, 12.8, 2.6, 1.0
 
 
 class SimBase:
@@ -74,15 +47,15 @@ class SimBase:
         self._slip = np.zeros(2)  # share of the rolled distance that carries nothing
         self._slip_until_s = 0.0
         self._next_slip_s = self._draw_slip_s()
-        self._touching = False
+        self._pressed: list[tuple[float, float]] = []  # normals of what the rim touches
         self._turned_rad = 0.0
         self._gyro_t_s = 0.0
         self.t_s = 0.0
         self.world_from_base = world.start
         self.bump_left = self.bump_right = False
-        self.cliff = self.cliff_entered = False
+        self.cliff = self.wheel_drop = self.cliff_entered = False
         self.contacts: list[tuple[float, float]] = []
-        self.battery_v = 16.4
+        self.battery_v = FULL_V
 
     # ------------------------------------------------------------------ what sensors read
 
@@ -99,7 +72,7 @@ class SimBase:
     @property
     def motor_current_a(self) -> float:
         """Both motors together: more when pushing against something."""
-        return 0.1 + 0.8 * float(np.abs(self._wheel_mps).sum()) + 0.3 * self._touching
+        return 0.1 + 0.8 * float(np.abs(self._wheel_mps).sum()) + 0.3 * bool(self._pressed)
 
     @property
     def charging(self) -> bool:
@@ -131,25 +104,33 @@ class SimBase:
         left, right = (rolled * (1.0 - self._slip)).tolist()
         turned = (right - left) / self._robot.track_width_m
         self._move(exp(0.5 * (left + right), 0.0, turned), dt_s)
-        self.battery_v = max(12.0, self.battery_v - 2e-4 * dt_s)
+        drawn_a = self.motor_current_a - (CHARGE_A if self.charging else 0.0)
+        volts = (FULL_V - EMPTY_V) * drawn_a * dt_s / (3600.0 * CAPACITY_AH)
+        self.battery_v = min(FULL_V, max(EMPTY_V, self.battery_v - volts))
 
     def carry_to(self, pose: SE2) -> None:
         """Lift the robot and put it elsewhere (scene coordinates)."""
         self.world_from_base = pose
-        self._touching = False
+        self._pressed = []
+        self.bump_left = self.bump_right = False
+        self._look_down()
 
     def _move(self, motion: SE2, dt_s: float) -> None:
+        if self.wheel_drop:
+            return  # it hangs over the edge until somebody carries it away
         wanted = self.world_from_base @ motion
         self._gather(wanted)
         self._turned_rad += motion.yaw_rad
         x, y, radius = wanted.x_m, wanted.y_m, self._robot.radius_m
         pressed: list[tuple[float, float]] = []
-        for _ in range(4):
-            distance, nx, ny = _nearest(self._segments, x, y, radius)
+        for _ in range(6):
+            distance, nx, ny = nearest(self._segments, x, y, radius)
             if distance >= radius:
                 break
             x, y = x + nx * (radius - distance), y + ny * (radius - distance)
             pressed.append((nx, ny))
+        else:  # wedged: no place nearby is free, so it stays
+            x, y = self.world_from_base.x_m, self.world_from_base.y_m
         self._feel(SE2(x, y, wanted.yaw_rad), wanted, pressed, dt_s)
         self.world_from_base = SE2(x, y, wanted.yaw_rad)
         self._look_down()
@@ -168,19 +149,18 @@ class SimBase:
     ) -> None:
         """Bumper and contact speed, from where the rim touches."""
         if not pressed:
-            reach, nx, ny = _nearest(
+            reach, nx, ny = nearest(
                 self._segments, pose.x_m, pose.y_m, self._robot.radius_m + RELEASE_M
             )
-            held = self._touching and reach < self._robot.radius_m + RELEASE_M
+            held = self._pressed and reach < self._robot.radius_m + RELEASE_M
             pressed = [(nx, ny)] if held else []
-        elif not self._touching and not self._at_dock(pose):
-            moved = (
-                wanted.x_m - self.world_from_base.x_m,
-                wanted.y_m - self.world_from_base.y_m,
-            )
-            closing = max(-(moved[0] * nx + moved[1] * ny) for nx, ny in pressed) / dt_s
-            self.contacts.append((self.t_s, max(0.0, closing)))
-        self._touching = bool(pressed)
+        elif not self._at_dock(pose):
+            dx, dy = wanted.x_m - self.world_from_base.x_m, wanted.y_m - self.world_from_base.y_m
+            fresh = [n for n in pressed if not self._felt(n)]
+            closing = [-(dx * nx + dy * ny) / dt_s for nx, ny in fresh]
+            if max(closing, default=0.0) > 0.0:
+                self.contacts.append((self.t_s, max(closing)))
+        self._pressed = pressed
         self.bump_left = self.bump_right = False
         if self._at_dock(pose):
             return
@@ -189,6 +169,10 @@ class SimBase:
             if abs(bearing) < FRONT_RAD:
                 self.bump_left |= bearing > -BOTH_SIDES_RAD
                 self.bump_right |= bearing < BOTH_SIDES_RAD
+
+    def _felt(self, normal: tuple[float, float]) -> bool:
+        """Whether the rim already touched something on that side in the last step."""
+        return any(normal[0] * x + normal[1] * y > SAME_SIDE for x, y in self._pressed)
 
     def _at_dock(self, pose: SE2) -> bool:
         """The dock's plate is soft: touching it is docking, not a contact."""
@@ -202,11 +186,11 @@ class SimBase:
         rim = pose.apply(
             np.array([[radius * math.cos(a), radius * math.sin(a)] for a in CLIFF_AHEAD_RAD])
         )
-        self.cliff = any(_inside(c, x, y) for c in self._cliffs for x, y in rim)
+        self.cliff = any(inside(c, x, y) for c in self._cliffs for x, y in rim)
         half = self._robot.track_width_m / 2
         wheels = pose.apply(np.array([[0.0, half], [0.0, -half]]))
-        if any(_inside(c, x, y) for c in self._cliffs for x, y in wheels):
-            self.cliff_entered = True
+        self.wheel_drop = any(inside(c, x, y) for c in self._cliffs for x, y in wheels)
+        self.cliff_entered |= self.wheel_drop
 
     # ------------------------------------------------------------------ slip
 

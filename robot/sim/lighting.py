@@ -41,7 +41,7 @@ class Solid:
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _blocked(px, py, pz, dx, dy, dz, reach, points, first, low, high, disc):
+def _blocked(px, py, pz, dx, dy, dz, reach, points, first, low, high, disc):  # type: ignore[no-untyped-def]
     """Does anything stand between the point and `reach` times the direction?"""
     flat = dx * dx + dy * dy
     for i in range(len(first) - 1):
@@ -83,8 +83,10 @@ def _blocked(px, py, pz, dx, dy, dz, reach, points, first, low, high, disc):
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _bake(position, normal, two_sided, lamps, ambient, lamp_points, sky, points, first, low, high,
-          disc, light):  # fmt: skip
+def _bake(  # type: ignore[no-untyped-def]
+    position, normal, two_sided, lamps, ambient, lamp_points, sky, points, first, low, high, disc,
+    light,
+):  # fmt: skip
     for m in range(len(position)):
         px, py, pz = position[m, 0], position[m, 1], position[m, 2]
         nx, ny, nz = normal[m, 0], normal[m, 1], normal[m, 2]

@@ -70,7 +70,7 @@ class MeshBuilder:
         )
 
     def build(self) -> tuple[Mesh, LightSamples, np.ndarray]:
-        """Return the mesh (light all 1), its light samples, and fixed light (m,), NaN where none."""
+        """Mesh (light all 1), its light samples, and fixed light (m,), NaN where there is none."""
         vertices, uv, texture, one_sided, light_uv, light_map = [], [], [], [], [], []
         points, normals, two_sided, fixed = [], [], [], []
         offset = 0
@@ -120,12 +120,7 @@ def _light_grid(
     edge_a, edge_b = min(1e-3, 0.4 * np.ptp(a)), min(1e-3, 0.4 * np.ptp(b))
     at_a = np.linspace(a.min() + edge_a, a.max() - edge_a, columns)
     at_b = np.linspace(b.min() + edge_b, b.max() - edge_b, rows)
-    grid = (
-        corners_m[0]
-        + at_b[:, None, None] * across
-        + at_a[None, :, None] * along
-        + 2e-3 * normal
-    )
+    grid = corners_m[0] + at_b[:, None, None] * across + at_a[None, :, None] * along + 2e-3 * normal
     texels = np.stack(
         [
             (a - a.min()) / max(np.ptp(a), 1e-9) * (columns - 1),

@@ -13,48 +13,57 @@ from robot.config import RobotConfig
 from robot.errors import MissingExtraError, SceneError
 from robot.geometry.se2 import SE2
 from robot.sim.building import (
+    AMBIENT,
     HIGHEST_BUMP_M,
+    LAMP_POWER,
     LOWEST_BUMP_M,
     Building,
-    build_dock,
     docked_pose,
-    shine,
 )
-from robot.sim.mesh import Mesh
+from robot.sim.lighting import Lamp, bake
+from robot.sim.mesh import LightSamples, Mesh, MeshBuilder
 from robot.sim.renderer import TextureAtlas
 from robot.sim.world import World
 
 LAMP_HEIGHT_M, LAMP_EVERY_M = 2.2, 3.5
 DIM = 0.7  # textures of meshes are brighter than ours
 PLAIN_GREY = 150
+LARGE_M = 0.3  # triangles beyond this edge length have light between their corners
 APPROACH_M = 0.9  # free floor wanted in front of the dock
 MAX_TEXTURE_PX = 512
 
 
-def load_mesh_world(path: Path, robot: RobotConfig) -> World:
-    """The world in a mesh file; the dock is put against a wall with free floor before it.
+def load_mesh_world(
+    path: Path, robot: RobotConfig, dock: SE2 | None = None, extra: Building | None = None
+) -> World:
+    """The world in a mesh file, with `extra` solids in it.
 
-    Raises SceneError when the file cannot be read or has no place for a dock, MissingExtraError
-    without trimesh.
+    Without `dock`, the dock is put against a wall with free floor before it. Raises SceneError
+    when the file cannot be read or has no place for a dock, MissingExtraError without trimesh.
     """
     triangles, uv, texture, images = _read(path)
-    obstacles = slab_outlines(triangles)
-    bare = World(
-        path.name, _lit(triangles, uv, texture), TextureAtlas.pack(images), obstacles, (),
-        SE2(), SE2(),
-    )  # fmt: skip
-    dock = _place_dock(bare, robot)
-    building = Building(images=images)
-    build_dock(building, dock, robot)
-    extra, _ = building.finish()
+    building = extra or Building()
+    obstacles = (*slab_outlines(triangles), *building.obstacles)
+    if not obstacles:
+        raise SceneError(
+            f"scene {path} has nothing that stands on a floor at z = 0; export it in metres, z up."
+        )
+    dock = dock or _place_dock(World(path.name, obstacles, (), SE2(), SE2(), building.draw), robot)
+    own = len(building.obstacles)
+    building.dock(dock, robot)
+
+    def draw() -> tuple[Mesh, TextureAtlas]:
+        fittings, more = building.mesh(len(images))
+        mesh = _join(_lit(triangles, uv, texture), fittings)
+        return mesh, TextureAtlas.pack([*images, *more])
+
     return World(
         path.name,
-        _join(bare.mesh, extra),
-        TextureAtlas.pack(images),
-        (*obstacles, *building.obstacles),
+        (*obstacles, *building.obstacles[own:]),
         (),
         dock,
         docked_pose(dock, robot),
+        draw,
     )
 
 
@@ -79,7 +88,8 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[np.ndarr
         raise SceneError(
             f"scene {path} is not a readable mesh ({error}); export it again as GLB."
         ) from None
-    triangles, uv, texture, images = [], [], [], []
+    triangles, uv, texture = [], [], []
+    images: list[np.ndarray] = []
     for geometry, world_from_part in parts:
         corners = trimesh.transform_points(geometry.vertices, world_from_part)
         triangles.append(corners[geometry.faces])
@@ -110,27 +120,48 @@ def _surface(geometry: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lit(triangles: np.ndarray, uv: np.ndarray, texture: np.ndarray) -> Mesh:
-    """A mesh whose triangles each have one light."""
-    count = len(triangles)
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
-    centres = triangles.mean(axis=1)
+    """A mesh in the light of lamps spread under the ceiling; its solids throw no shadows.
+
+    Large triangles get a grid of light, small ones the light of their corners.
+    """
     low, high = triangles.reshape(-1, 3).min(axis=0), triangles.reshape(-1, 3).max(axis=0)
     lamps = [
-        (x, y, LAMP_HEIGHT_M)
+        Lamp(x, y, LAMP_HEIGHT_M, LAMP_POWER)
         for x in np.arange(low[0] + LAMP_EVERY_M / 2, high[0], LAMP_EVERY_M)
         for y in np.arange(low[1] + LAMP_EVERY_M / 2, high[1], LAMP_EVERY_M)
     ]
-    light = DIM * shine(centres, normals, np.array(lamps).reshape(-1, 3))
+    edges = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
+    large = edges.max(axis=1) > LARGE_M
+    small = _small(triangles[~large], uv[~large], texture[~large], lamps)
+    if not large.any():
+        return small
+    builder = MeshBuilder(light_step_m=LARGE_M)
+    for corners, corners_uv, index in zip(triangles[large], uv[large], texture[large], strict=True):
+        builder.add(corners, corners_uv, int(index), one_sided=False)
+    grid, samples, _ = builder.build()
+    grid.light[:] = DIM * bake(samples, lamps, AMBIENT, [])
+    return _join(small, grid)
+
+
+def _small(triangles: np.ndarray, uv: np.ndarray, texture: np.ndarray, lamps: list[Lamp]) -> Mesh:
+    """Triangles whose light is linear between their corners: maps of 2 x 2 texels."""
+    count = len(triangles)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
+    samples = LightSamples(
+        triangles.reshape(-1, 3), np.repeat(normals, 3, axis=0), np.ones(3 * count, np.bool_)
+    )
+    corner = DIM * bake(samples, lamps, AMBIENT, []).reshape(-1, 3)
     maps = np.stack([4 * np.arange(count), np.full(count, 2), np.full(count, 2)], axis=1)
+    texels = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], np.float32)
     return Mesh(
         triangles.astype(np.float32),
         uv.astype(np.float32),
         texture,
         np.zeros(count, np.bool_),
-        np.zeros((count, 3, 2), np.float32),
+        np.broadcast_to(texels, (count, 3, 2)).copy(),
         maps.astype(np.int32),
-        np.repeat(light, 4).astype(np.float32),
+        np.column_stack([corner, corner[:, 1] + corner[:, 2] - corner[:, 0]]).ravel(),
     )
 
 

@@ -133,8 +133,8 @@ def rasterise(corners, owner, count, planes, nearest, visible):
         s2 = (x0 - x2) / (y0 - y2) if y0 != y2 else 0.0
         for s in range(SAMPLES):
             dy = _SAMPLE_Y[s]
-            first = max(0, int(math.ceil(low - dy)))
-            last = min(height - 1, int(math.ceil(high - dy)) - 1)
+            first = max(0, math.ceil(low - dy))
+            last = min(height - 1, math.ceil(high - dy) - 1)
             for y in range(first, last + 1):
                 yc = y + dy
                 dx = sample_offset(s, y)
@@ -150,8 +150,8 @@ def rasterise(corners, owner, count, planes, nearest, visible):
                     xl, xr = min(xl, x), max(xr, x)
                 if xr < xl:
                     continue
-                start = max(0, int(math.ceil(max(xl, -1e6) - dx)))
-                stop = min(width, int(math.ceil(min(xr, 1e6) - dx)))
+                start = max(0, math.ceil(max(xl, -1e6) - dx))
+                stop = min(width, math.ceil(min(xr, 1e6) - dx))
                 w_row = np.float32(w0 + dwy * yc + planes[k, 0] * (start + dx))
                 row_w, row_v = nearest[s, y], visible[s, y]
                 for x in range(start, stop):
@@ -274,8 +274,8 @@ def shade(visible, planes, source, texture, texels, offsets, log2_size, levels,
                     total += n * background
                 else:
                     px, py = x + sx / n, y + sy / n
-                    total += n * _grey(planes, k, source[k], px, py, texture, texels, offsets, log2_size,
-                                       levels, light_map, light, anisotropy)  # fmt: skip
+                    total += n * _grey(planes, k, source[k], px, py, texture, texels, offsets,
+                                       log2_size, levels, light_map, light, anisotropy)  # fmt: skip
                     w = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2]
                     if w <= 0.0:
                         w = planes[k, 0] * px + planes[k, 1] * py + planes[k, 2]

@@ -31,7 +31,7 @@ class TextureAtlas:
         chunks: list[np.ndarray] = []
         offset = 0
         for i, image in enumerate(images):
-            log2 = [int(round(np.log2(max(side, 1)))) for side in image.shape[1::-1]]
+            log2 = [round(float(np.log2(side))) for side in image.shape[1::-1]]
             log2 = [min(side, _MAX_LEVELS - 1) for side in log2]
             size = (1 << log2[0], 1 << log2[1])
             if image.shape[1::-1] != size:

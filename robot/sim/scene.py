@@ -1,15 +1,16 @@
 """Reads scenes: built-in ones by name, TOML files, and GLB or OBJ meshes.
 
-A TOML scene lists rooms (floor and ceiling), walls with door gaps, furniture, cliffs and the dock.
-Furniture stands at `at` with its front towards `yaw_deg`; `size` is depth, width, height in metres.
+A TOML scene lists rooms (floor and ceiling), walls with door gaps, furniture, cliffs and the dock,
+or names a `mesh` and puts the dock into it. Furniture stands at `at` with its front towards
+`yaw_deg`; `size` is depth, width, height in metres.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -18,12 +19,17 @@ from msgspec import Struct
 from robot.config import RobotConfig
 from robot.errors import SceneError
 from robot.geometry.se2 import SE2
-from robot.sim.building import Building, along, build_dock, docked_pose
-from robot.sim.world import World
+from robot.sim.building import Building, docked_pose
+from robot.sim.collide import nearest
+from robot.sim.furniture import FURNITURE
+from robot.sim.world import World, segments_of
 
 Point = tuple[float, float]
 Span = tuple[float, float]
 WALL_THICK_M = 0.10
+DOOR_HEIGHT_M = 2.0
+SKIRTING_M = (0.012, 0.06)  # thickness and height
+PIT_DEPTH_M, STEP_RUN_M, STEP_RISE_M = 1.2, 0.25, 0.18
 
 
 class Strict(Struct, frozen=True, forbid_unknown_fields=True):
@@ -59,11 +65,12 @@ class FurnitureTable(Strict):
     bottom: float = 0.0
 
 
-class RectTable(Strict):
-    """A rectangle of the floor plan."""
+class CliffTable(Strict):
+    """A rectangle without floor; stairs go `down` there."""
 
     x: Span
     y: Span
+    down: Literal["+x", "-x", "+y", "-y"] = "+x"
 
 
 class DockTable(Strict):
@@ -80,7 +87,7 @@ class SceneTable(Strict):
     rooms: list[RoomTable] = []
     walls: list[WallTable] = []
     furniture: list[FurnitureTable] = []
-    cliffs: list[RectTable] = []
+    cliffs: list[CliffTable] = []
     ceiling: float = 2.4
     mesh: str = ""
 
@@ -88,13 +95,14 @@ class SceneTable(Strict):
 def load_scene(name: str, robot: RobotConfig | None = None) -> World:
     """Build the built-in scene `name`, or the TOML, GLB or OBJ file at that path.
 
-    Raises SceneError when there is none, or when a key of it is wrong.
+    Raises SceneError when there is none, or when a key of it is wrong; MissingExtraError when a
+    mesh is asked for without trimesh.
     """
-    path = Path(name)
+    path, robot = Path(name), robot or RobotConfig()
     if path.suffix.lower() in (".glb", ".obj"):
         from robot.sim.meshfile import load_mesh_world
 
-        return load_mesh_world(path, robot or RobotConfig())
+        return load_mesh_world(path, robot)
     if path.suffix == ".toml":
         try:
             text = path.read_text(encoding="utf-8")
@@ -102,16 +110,14 @@ def load_scene(name: str, robot: RobotConfig | None = None) -> World:
             raise SceneError(
                 f"scene {name} cannot be read ({error}); give an existing TOML file."
             ) from None
-    else:
-        folder = resources.files("robot.sim") / "scenes"
-        file = folder / f"{name}.toml"
-        if not file.is_file():
-            raise SceneError(
-                f"scene '{name}' is unknown; choose one of {', '.join(builtin_scenes())}, or give "
-                "the path of a TOML, GLB or OBJ file."
-            )
-        text = file.read_text(encoding="utf-8")
-    return build_scene(parse_scene(text, name), name, robot or RobotConfig())
+        return build_scene(parse_scene(text, name), name, robot, path.parent)
+    file = resources.files("robot.sim") / "scenes" / f"{name}.toml"
+    if not file.is_file():
+        raise SceneError(
+            f"scene '{name}' is unknown; choose one of {', '.join(builtin_scenes())}, or give "
+            "the path of a TOML, GLB or OBJ file."
+        )
+    return build_scene(parse_scene(file.read_text(encoding="utf-8"), name), name, robot)
 
 
 def builtin_scenes() -> list[str]:
@@ -125,139 +131,146 @@ def builtin_scenes() -> list[str]:
 def parse_scene(text: str, name: str) -> SceneTable:
     """Read a scene file's text. Raises SceneError naming the key."""
     try:
-        return msgspec.toml.decode(text, type=SceneTable)
+        table = msgspec.toml.decode(text, type=SceneTable)
     except msgspec.ValidationError as error:
         what, _, where = str(error).partition(" - at ")
         key = where.strip("`").removeprefix("$.") or "the top level"
         raise SceneError(f"scene {name}: {what} (at {key}); correct that key.") from None
     except msgspec.DecodeError as error:
         raise SceneError(f"scene {name}: not valid TOML: {error}; correct that line.") from None
+    for key, problem in _problems(table):
+        raise SceneError(f"scene {name}: {key} {problem}; correct that key.")
+    return table
 
 
-def build_scene(table: SceneTable, name: str, robot: RobotConfig) -> World:
-    """Put up walls and furniture. Raises SceneError for an unknown kind or texture."""
-    building = Building()
-    for room in table.rooms:
-        building.floor(room.x[0], room.y[0], room.x[1], room.y[1], room.floor)
-        building.ceiling(room.x[0], room.y[0], room.x[1], room.y[1], table.ceiling, "plaster:9")
-        if room.lamp:
-            building.lamps_m.append((sum(room.x) / 2, sum(room.y) / 2, table.ceiling - 0.3))
-    for wall in table.walls:
-        _wall(building, wall, table.ceiling)
-    for piece in table.furniture:
-        make = FURNITURE.get(piece.kind)
-        if make is None:
-            raise SceneError(
-                f"scene {name}: furniture.kind '{piece.kind}' is unknown; choose one of "
-                f"{', '.join(FURNITURE)}."
-            )
-        make(building, piece)
-    dock = SE2(*table.dock.at, math.radians(table.dock.yaw_deg))
-    build_dock(building, dock, robot)
+def _problems(table: SceneTable) -> list[tuple[str, str]]:
+    """(key, what is wrong) of what TOML's types cannot say."""
+    found = [
+        (key, "has a number that is not finite or beyond 1000")
+        for key, number in _numbers(msgspec.to_builtins(table), "")
+        if not abs(number) <= 1000.0
+    ]
+    rects = [(f"rooms[{i}]", room.x, room.y) for i, room in enumerate(table.rooms)]
+    rects += [(f"cliffs[{i}]", cliff.x, cliff.y) for i, cliff in enumerate(table.cliffs)]
+    for name, *spans in rects:
+        for axis, (low, high) in zip("xy", spans, strict=True):
+            if not low < high:
+                found.append((f"{name}.{axis}", "must be (low, high) with low < high"))
+    for i, wall in enumerate(table.walls):
+        length, at = math.dist(wall.start, wall.end), 0.0
+        if not length > 0.05:
+            found.append((f"walls[{i}]", "is shorter than 5 cm"))
+        for middle, width in sorted(wall.doors):
+            if not (width > 0 and middle - width / 2 >= at and middle + width / 2 <= length):
+                found.append((f"walls[{i}].doors", f"do not fit one by one into {length:.2f} m"))
+            at = middle + width / 2
+    for i, piece in enumerate(table.furniture):
+        if piece.kind not in FURNITURE:
+            choices = ", ".join(FURNITURE)
+            found.append((f"furniture[{i}].kind", f"'{piece.kind}' is none of {choices}"))
+        if piece.size and (min(piece.size[:2]) <= 0 or piece.size[2] < 0):
+            found.append((f"furniture[{i}].size", "must be positive"))
+        if piece.bottom < 0:
+            found.append((f"furniture[{i}].bottom", "lies below the floor"))
+    if not table.ceiling > DOOR_HEIGHT_M:
+        found.append(("ceiling", f"must be above the doors' {DOOR_HEIGHT_M} m"))
+    return found
+
+
+def _numbers(value: object, key: str) -> list[tuple[str, float]]:
+    if isinstance(value, dict):
+        return [n for k, v in value.items() for n in _numbers(v, f"{key}.{k}" if key else k)]
+    if isinstance(value, list | tuple):
+        return [n for k, v in enumerate(value) for n in _numbers(v, f"{key}[{k}]")]
+    if isinstance(value, float):
+        return [(key, value)]
+    return []
+
+
+def build_scene(
+    table: SceneTable, name: str, robot: RobotConfig, folder: Path | None = None
+) -> World:
+    """Put up walls and furniture; a `mesh` is looked for in `folder`.
+
+    Raises SceneError for an unknown texture, a missing mesh, or a dock that stands in the way.
+    """
+    building, dock = Building(), SE2(*table.dock.at, math.radians(table.dock.yaw_deg))
+    key = ""
+    try:
+        for i, room in enumerate(table.rooms):
+            key = f"rooms[{i}]"
+            _room(building, room, table)
+        for i, wall in enumerate(table.walls):
+            key = f"walls[{i}]"
+            _wall(building, wall, table.ceiling)
+        for i, piece in enumerate(table.furniture):
+            key = f"furniture[{i}]"
+            pose = SE2(*piece.at, math.radians(piece.yaw_deg))
+            FURNITURE[piece.kind](building, pose, piece.size, piece.texture, piece.bottom)
+        for cliff in table.cliffs:
+            _stairwell(building, cliff, table.ceiling)
+    except SceneError as error:
+        raise SceneError(f"scene {name}: {key}: {error}") from None
+    if table.mesh:
+        from robot.sim.meshfile import load_mesh_world
+
+        return load_mesh_world((folder or Path()) / table.mesh, robot, dock=dock, extra=building)
+    start = docked_pose(dock, robot)
+    walls = segments_of(building.obstacles)
+    if nearest(walls, start.x_m, start.y_m, robot.radius_m)[0] < robot.radius_m - 0.005:
+        raise SceneError(
+            f"scene {name}: dock.at leaves no room for the robot on its dock; move the dock, or "
+            "what stands before it."
+        )
+    building.dock(dock, robot)
     cliffs = tuple(
         np.array([[c.x[0], c.y[0]], [c.x[1], c.y[0]], [c.x[1], c.y[1]], [c.x[0], c.y[1]]])
         for c in table.cliffs
     )
-    mesh, atlas = building.finish()
-    return World(
-        name, mesh, atlas, tuple(building.obstacles), cliffs, dock, docked_pose(dock, robot)
-    )
+    return World(name, tuple(building.obstacles), cliffs, dock, start, building.draw)
+
+
+def _room(building: Building, room: RoomTable, table: SceneTable) -> None:
+    (x0, x1), (y0, y1) = room.x, room.y
+    building.floor(x0, y0, x1, y1, room.floor)
+    building.ceiling(x0, y0, x1, y1, table.ceiling, "plaster:9")
+    if room.lamp:
+        building.lamp((x0 + x1) / 2, (y0 + y1) / 2, table.ceiling - 0.3)
 
 
 def _wall(building: Building, wall: WallTable, height_m: float) -> None:
+    """A wall in pieces between its doors, skirting boards along them, lintels above the doors."""
     (x0, y0), (x1, y1) = wall.start, wall.end
     start = SE2(x0, y0, math.atan2(y1 - y0, x1 - x0))
-    length = math.hypot(x1 - x0, y1 - y0)
+    length = math.dist(wall.start, wall.end)
     at = 0.0
     for middle, width in [*sorted(wall.doors), (length + 1.0, 2.0)]:
         piece = middle - width / 2 - at
         if piece > 0.01:
-            centre = SE2(*along(start, at + piece / 2), start.yaw_rad)
+            centre = start @ SE2(at + piece / 2, 0.0, 0.0)
             building.box(centre, (piece, WALL_THICK_M, height_m), wall.texture)
+            thick = WALL_THICK_M + 2 * SKIRTING_M[0]
+            building.box(centre, (piece, thick, SKIRTING_M[1]), "plain:3")
         if middle < length:
-            centre = SE2(*along(start, middle), start.yaw_rad)
-            lintel = (width, WALL_THICK_M, height_m - 2.0)
-            building.box(centre, lintel, wall.texture, bottom_m=2.0)
+            lintel = (width, WALL_THICK_M, height_m - DOOR_HEIGHT_M)
+            centre = start @ SE2(middle, 0.0, 0.0)
+            building.box(centre, lintel, wall.texture, bottom_m=DOOR_HEIGHT_M)
         at = middle + width / 2
 
 
-# ---------------------------------------------------------------- furniture
-
-
-def _pose(piece: FurnitureTable) -> SE2:
-    return SE2(*piece.at, math.radians(piece.yaw_deg))
-
-
-Make = Callable[[Building, FurnitureTable], None]
-
-
-def _block(size: tuple[float, float, float], texture: str, front: str = "") -> Make:
-    def make(building: Building, piece: FurnitureTable) -> None:
-        building.box(
-            _pose(piece),
-            piece.size or size,
-            piece.texture or texture,
-            bottom_m=piece.bottom,
-            front="" if piece.texture else front,
-        )
-
-    return make
-
-
-def _seat(size: tuple[float, float, float], texture: str) -> Make:
-    """Base, back and arms: a sofa or an armchair."""
-
-    def make(building: Building, piece: FurnitureTable) -> None:
-        depth, width, height = piece.size or size
-        name, pose = piece.texture or texture, _pose(piece)
-        building.box(pose, (depth, width, 0.5 * height), name)
-        back = pose @ SE2(-0.4 * depth, 0.0, 0.0)
-        building.box(back, (0.2 * depth, width, 0.5 * height), name, bottom_m=0.5 * height)
-
-    return make
-
-
-def _on_legs(size: tuple[float, float, float], top_m: float, leg_m: float, texture: str) -> Make:
-    """A top on four legs: the robot drives beneath where it fits."""
-
-    def make(building: Building, piece: FurnitureTable) -> None:
-        depth, width, height = piece.size or size
-        name, pose = piece.texture or texture, _pose(piece)
-        building.legs(pose, (depth, width, height - top_m), leg_m, name)
-        building.box(pose, (depth, width, top_m), name, bottom_m=height - top_m)
-
-    return make
-
-
-def _flat(size: tuple[float, float, float], texture: str) -> Make:
-    def make(building: Building, piece: FurnitureTable) -> None:
-        building.box(_pose(piece), (*(piece.size or size)[:2], 0.006), piece.texture or texture)
-
-    return make
-
-
-def _plant(building: Building, piece: FurnitureTable) -> None:
-    depth, width, height = piece.size or (0.28, 0.28, 0.9)
-    pose = _pose(piece)
-    building.box(pose, (depth, width, 0.35 * height), piece.texture or "brick:4")
-    leaves = (1.4 * depth, 1.4 * width, 0.6 * height)
-    building.box(pose @ SE2(0, 0, 0.6), leaves, "leaves", bottom_m=0.4 * height)
-
-
-FURNITURE: dict[str, Make] = {
-    "box": _block((0.4, 0.4, 0.4), "wood"),
-    "cabinet": _block((0.4, 0.8, 0.9), "wood:2", "cabinet"),
-    "drawers": _block((0.45, 0.9, 0.8), "wood:3", "drawers"),
-    "shelf": _block((0.3, 0.9, 1.8), "dark_wood", "books"),
-    "kitchen": _block((0.6, 1.8, 0.9), "metal", "cabinet:5"),
-    "bed": _block((2.0, 1.4, 0.45), "fabric:6"),
-    "picture": _block((0.03, 0.6, 0.45), "picture"),
-    "window": _block((0.02, 1.0, 1.0), "window"),
-    "curtain": _block((0.05, 0.4, 2.2), "curtain"),
-    "sofa": _seat((0.85, 1.8, 0.8), "fabric:1"),
-    "armchair": _seat((0.75, 0.75, 0.8), "leather"),
-    "table": _on_legs((0.8, 1.2, 0.74), 0.04, 0.06, "wood:4"),
-    "chair": _on_legs((0.42, 0.42, 0.46), 0.04, 0.04, "dark_wood:2"),
-    "rug": _flat((1.2, 1.7, 0.0), "oriental"),
-    "plant": _plant,
-}
+def _stairwell(building: Building, cliff: CliffTable, ceiling_m: float) -> None:
+    """Steps in a shaft, and the ceiling above."""
+    (x0, x1), (y0, y1) = cliff.x, cliff.y
+    building.ceiling(x0, y0, x1, y1, ceiling_m, "plaster:9")
+    ring = np.array([[x0, y0], [x0, y1], [x1, y1], [x1, y0]])  # clockwise: the faces look inward
+    for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        corners = [[*a, -PIT_DEPTH_M], [*b, -PIT_DEPTH_M], [*b, 0.0], [*a, 0.0]]
+        building.face(np.array(corners), "plaster:4")
+    yaw = {"+x": 0.0, "+y": 0.5 * math.pi, "-x": math.pi, "-y": -0.5 * math.pi}[cliff.down]
+    long, wide = (x1 - x0, y1 - y0) if cliff.down[1] == "x" else (y1 - y0, x1 - x0)
+    edge = SE2((x0 + x1) / 2, (y0 + y1) / 2, yaw) @ SE2(-long / 2, 0.0, 0.0)
+    for k in range(math.ceil(long / STEP_RUN_M)):
+        run = min(STEP_RUN_M, long - k * STEP_RUN_M)
+        height = max(PIT_DEPTH_M - (k + 1) * STEP_RISE_M, 0.02)
+        centre = edge @ SE2(k * STEP_RUN_M + run / 2, 0.0, 0.0)
+        building.box(centre, (run, wide, height), "wood:5", bottom_m=-PIT_DEPTH_M)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -11,10 +13,9 @@ import numpy as np
 from robot.config import RobotConfig
 from robot.errors import SceneError
 from robot.geometry.se2 import SE2
+from robot.sim.collide import clearance_m
 from robot.sim.mesh import Mesh
 from robot.sim.renderer import TextureAtlas
-
-DOCK_REACH_M = 0.02  # the charge contacts' spring travel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,27 +38,40 @@ class ReachableFloor:
         return float(self.floor.sum()) * self.resolution_m**2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class World:
     """A scene, built. Coordinates are the scene's: metres, z up, floor at z = 0.
 
-    `obstacles` are polygons (k, 2) of all that stands between the floor and the robot's height;
-    `cliffs` are polygons where floor is missing. `dock` is the centre of the marker's face, x out
-    of it; the robot on its dock stands at `start`.
+    `obstacles` are convex polygons (k, 2) of all that stands between the floor and the robot's
+    height; `cliffs` are polygons where floor is missing. `dock` is the centre of the marker's face,
+    x out of it; the robot on its dock stands at `start`. `draw` makes mesh and textures, once,
+    when a picture is first asked for.
     """
 
     name: str
-    mesh: Mesh
-    atlas: TextureAtlas
     obstacles: tuple[np.ndarray, ...]
     cliffs: tuple[np.ndarray, ...]
     dock: SE2
     start: SE2
+    draw: Callable[[], tuple[Mesh, TextureAtlas]]
+
+    @cached_property
+    def _drawn(self) -> tuple[Mesh, TextureAtlas]:
+        return self.draw()
+
+    @property
+    def mesh(self) -> Mesh:
+        """The triangles, lit."""
+        return self._drawn[0]
+
+    @property
+    def atlas(self) -> TextureAtlas:
+        """The textures of `mesh`."""
+        return self._drawn[1]
 
     def segments(self) -> np.ndarray:
         """Edges (n, 4) of all obstacles: x0, y0, x1, y1."""
-        edges = [np.hstack([p, np.roll(p, -1, axis=0)]) for p in self.obstacles]
-        return np.concatenate(edges) if edges else np.empty((0, 4))
+        return segments_of(self.obstacles)
 
     def bounds(self) -> tuple[float, float, float, float]:
         """(min x, min y, max x, max y) of all obstacles and cliffs."""
@@ -82,21 +96,36 @@ class World:
     def reachable(self, robot: RobotConfig, resolution_m: float = 0.02) -> ReachableFloor:
         """Floor that the brush sweeps from every place the robot can get to from its dock.
 
-        Raises SceneError when the robot cannot even leave the dock.
+        The raster only decides which cells lie inside things; whether the robot fits is measured
+        to the outlines themselves. Raises SceneError when the robot cannot even leave the dock.
         """
         occupied, x0, y0 = self.occupancy(resolution_m)
-        distance = cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, 5)
-        free = (distance * resolution_m > robot.radius_m).astype(np.uint8)
+        clearance = clearance_m(
+            segments_of((*self.obstacles, *self.cliffs)),
+            x0,
+            y0,
+            resolution_m,
+            occupied.shape,
+            robot.radius_m + resolution_m,
+        )
+        free = (clearance >= robot.radius_m) & ~occupied
         away = self.start @ SE2(-0.3, 0.0, 0.0)  # on the dock itself it touches
-        _, labels = cv2.connectedComponents(free, connectivity=4)
+        _, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
         row, column = int((away.y_m - y0) / resolution_m), int((away.x_m - x0) / resolution_m)
-        label = labels[row, column]
+        inside = 0 <= row < labels.shape[0] and 0 <= column < labels.shape[1]
+        label = labels[row, column] if inside else 0
         if label == 0:
             raise SceneError(
                 f"{self.name}: the dock has no free floor behind the robot; move the dock or the "
                 "furniture in front of it."
             )
-        centres = labels == label
-        far = cv2.distanceTransform((~centres).astype(np.uint8), cv2.DIST_L2, 5)
+        reached = labels == label
+        far = cv2.distanceTransform((~reached).astype(np.uint8), cv2.DIST_L2, 5)
         floor = (far * resolution_m <= robot.brush_width_m / 2) & ~occupied
-        return ReachableFloor(resolution_m, x0, y0, centres, floor)
+        return ReachableFloor(resolution_m, x0, y0, reached, floor)
+
+
+def segments_of(polygons: Sequence[np.ndarray]) -> np.ndarray:
+    """Edges (n, 4) of polygons: x0, y0, x1, y1."""
+    edges = [np.hstack([p, np.roll(p, -1, axis=0)]) for p in polygons]
+    return np.concatenate(edges) if edges else np.empty((0, 4))
