@@ -25,6 +25,7 @@ def read_grey(path: Path | None) -> np.ndarray | None:
 
 
 def images_by_stem(folder: Path) -> dict[str, Path]:
+    """Image files by their name without extension. Raises FrameError for a missing folder."""
     if not folder.is_dir():
         raise FrameError(f"{folder}: the folder of images is missing; copy it to its place.")
     files = sorted(f for f in folder.iterdir() if f.suffix.lower() in _IMAGES)
@@ -32,8 +33,9 @@ def images_by_stem(folder: Path) -> dict[str, Path]:
 
 
 def read_text(path: Path, error: type[FrameError | CalibrationError], what: str) -> str:
+    """Text of a file; `error` says that `what` is missing if it cannot be read."""
     try:
-        return path.readread_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         raise error(f"{path}: {what} is missing; copy the data set's file there.") from None
 
@@ -48,7 +50,10 @@ def read_table(table: Path, least: int) -> tuple[np.ndarray, np.ndarray]:
 def parse_rows(
     path: Path, text: str, least: int, separator: str | None = None
 ) -> Sequence[list[float]]:
-    """Numbers of each line, at least so many; comments and empty lines are skipped."""
+    """The first `least` numbers of each line; comments and empty lines are skipped.
+
+    Raises FrameError, naming the line, where there are fewer.
+    """
     rows = []
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.startswith("#"):

@@ -178,7 +178,7 @@ def _euroc_gyro(imu: Path, body_from_cam: np.ndarray, start_ns: int) -> np.ndarr
         return np.empty((0, 4))
     stamps, rows = read_table(imu / "data.csv", 7)
     sensor = imu / "sensor.yaml"
-    body_from_imu = _body_from_sensor(sensor.readread_text()) if sensor.is_file() else np.eye(4)
+    body_from_imu = _body_from_sensor(sensor.read_text()) if sensor.is_file() else np.eye(4)
     rates = rows[:, :3] @ body_from_imu[:3, :3].T @ body_from_cam[:3, :3]
     return np.column_stack([(stamps - start_ns) * 1e-9, rates])
 
@@ -233,9 +233,8 @@ def _open_kitti(path: Path) -> Recording:
     poses = path / "poses.txt"
     truth = np.empty((0, 4, 4))
     if poses.is_file():
-        rows = np.array(parse_rows(poses, poses.readread_text(), 12)).reshape(-1, 3, 4)[
-            : len(stamps)
-        ]
+        text = read_text(poses, FrameError, "the truth")
+        rows = np.array(parse_rows(poses, text, 12)).reshape(-1, 3, 4)[: len(stamps)]
         truth = np.tile(np.eye(4), (len(rows), 1, 1))
         truth[:, :3] = rows
     calib = path / "calib.txt"
