@@ -15,12 +15,14 @@ from robot.config import PerceptionConfig, RobotConfig
 from robot.geometry.se2 import SE2
 from robot.geometry.stereo import StereoCamera
 from robot.messages import Landmark, Marker
+from robot.perception.quad import sharpen_quad
 
-SIGMA_PX = 0.25  # of one corner coordinate
+SIGMA_PX = 0.3  # of one corner coordinate
 MAX_ERROR_PX = 1.5  # root mean square of the fit
 MIN_SIDE_PX = 7.0
 ITERATIONS = 7
 STEP = 1e-5  # m and rad, for the numeric Jacobian
+ENOUGH = 1e-5  # m and rad: a fit that moves less is finished
 STARTS_RAD = (0.0, 0.6, -0.6)  # yaw away from facing the camera
 COMMON_SIGMA = np.array([0.003, 0.003, 0.01])  # print size, flatness, mounting
 
@@ -32,8 +34,6 @@ class MarkerFinder:
         parameters = cv2.aruco.DetectorParameters()
         # One threshold window instead of three: the marker is seen large or not needed.
         parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = 11
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        parameters.cornerRefinementWinSize = 3
         dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
         self._detector = cv2.aruco.ArucoDetector(dictionary, parameters)
         self._id, self._side_m = robot.dock_marker_id, robot.dock_marker_size_m
@@ -48,7 +48,8 @@ class MarkerFinder:
         corners, ids, _ = self._detector.detectMarkers(left)
         if ids is not None:
             for quad, marker_id in zip(corners, np.ravel(ids).tolist(), strict=True):
-                marker = self._locate(quad.reshape(4, 2).astype(np.float64), marker_id)
+                sharp = sharpen_quad(left, quad.reshape(4, 2).astype(np.float64))
+                marker = self._locate(sharp, marker_id)
                 if marker is not None:
                     return marker
         self._wait = self._every - 1
@@ -58,13 +59,12 @@ class MarkerFinder:
         if marker_id != self._id or np.linalg.norm(quad[2] - quad[0]) < 1.4 * MIN_SIDE_PX:
             return None
         fits = [self._fit(self._start(quad, turn), quad) for turn in STARTS_RAD]
-        pose, error_px, information = min(fits, key=lambda fit: fit[1])
-        if not error_px < MAX_ERROR_PX:
+        fits = [fit for fit in fits if math.isfinite(fit[1])]
+        if not fits or min(error for _, error, _ in fits) > MAX_ERROR_PX:
             return None
-        spread = np.linalg.inv(information)[np.ix_([0, 1, 3], [0, 1, 3])]
-        cov = spread * max(SIGMA_PX, error_px) ** 2 + np.diag(COMMON_SIGMA**2)
-        yaw = math.remainder(pose[3], 2.0 * math.pi)
-        return Marker(marker_id, SE2(pose[0], pose[1], yaw), cov)
+        pose, cov = _merge(fits)
+        yaw = math.remainder(float(pose[2]), 2.0 * math.pi)
+        return Marker(marker_id, SE2(float(pose[0]), float(pose[1]), yaw), cov)
 
     def _start(self, quad: np.ndarray, turn_rad: float) -> np.ndarray:
         """(x, y, z, yaw) of a marker of that image size, turned so much from facing the camera."""
@@ -88,7 +88,10 @@ class MarkerFinder:
                 return pose, math.inf, np.eye(4)
             jacobian = (seen[1:] - seen[0]).T / STEP
             information = jacobian.T @ jacobian + 1e-6 * np.eye(4)
-            pose = pose + np.linalg.solve(information, jacobian.T @ residual)
+            change = np.linalg.solve(information, jacobian.T @ residual)
+            pose = pose + change
+            if np.abs(change).max() < ENOUGH:
+                break
         return pose, error, information
 
     def _project(self, poses: np.ndarray) -> np.ndarray:
@@ -100,6 +103,32 @@ class MarkerFinder:
         corners = np.stack([left + up, up - left, -left - up, left - up], axis=1)
         u, v, _ = self._camera.pixel_from_base(poses[:, None, :3] + corners)
         return np.stack([u, v], axis=-1)
+
+
+def _merge(fits: list[tuple[np.ndarray, float, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """One (x, y, yaw) and covariance for all fits, weighed by how well they explain the corners.
+
+    A small marker that turns to the left looks like one that turns to the right: both fits are
+    kept then, and the covariance spans them.
+    """
+    errors = np.array([error for _, error, _ in fits])
+    weight = np.exp(-0.5 * 8.0 * (errors**2 - errors.min() ** 2) / SIGMA_PX**2)
+    weight /= weight.sum()
+    poses = np.array([pose for pose, _, _ in fits])[:, [0, 1, 3]]
+    best = int(np.argmin(errors))
+    poses[:, 2] = poses[best, 2] + _wrapped(poses[:, 2] - poses[best, 2])
+    mean = weight @ poses
+    cov = np.diag(COMMON_SIGMA**2)
+    for share, pose, (_, error, information) in zip(weight, poses, fits, strict=True):
+        if share > 0.0:
+            own = np.linalg.inv(information)[np.ix_([0, 1, 3], [0, 1, 3])]
+            away = pose - mean
+            cov += share * (own * max(SIGMA_PX, error) ** 2 + np.outer(away, away))
+    return mean, cov
+
+
+def _wrapped(angle_rad: np.ndarray) -> np.ndarray:
+    return (angle_rad + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def as_landmark(marker: Marker, track_id: int) -> Landmark:
