@@ -34,6 +34,7 @@ ELLIPSE_SIGMAS = 2.0
 _PANEL_PX = (250, 400)
 _LONGEST_PX = 1100
 _MARGIN_M = 0.3
+_ROOM_M2 = 1.0  # less is not called a room
 _DOCK_M = (0.17, 0.26, 0.13)  # front, back and half width of the plate, in `world`
 
 
@@ -69,6 +70,8 @@ def picture_of_map(
     """As `draw_map`, but the picture itself: uint8 (h, w, 3), red first."""
     tracks = [track for track in (estimate, truth) if track is not None and len(track)]
     report, rooms = _cut_out(report, rooms, tracks)
+    if rooms is not None:
+        rooms = _large_rooms(rooms, report.grid.resolution_m)
     canvas = _paper(report)
     canvas.paint_cells(_floor_colours(report, rooms))
     if truth is not None:
@@ -118,6 +121,12 @@ def _cut_out(
         report.landmark_cov,
     )
     return cut, None if rooms is None else _window(rooms, window, 0)
+
+
+def _large_rooms(rooms: np.ndarray, resolution_m: float) -> np.ndarray:
+    """The labels without those of scraps, such as floor glimpsed through a gap."""
+    area_m2 = np.bincount(rooms.ravel()) * resolution_m**2
+    return np.where(area_m2[rooms] >= _ROOM_M2, rooms, 0)
 
 
 def _window(array: np.ndarray, window: tuple[np.ndarray, np.ndarray], fill: int) -> np.ndarray:

@@ -64,6 +64,14 @@ def test_floor_rooms_walls_and_the_unknown_have_their_colours() -> None:
     assert colour_at(picture_of_map(report, None, NOWHERE), 2.55, 0.05) == look.FREE
 
 
+def test_a_scrap_of_floor_is_no_room() -> None:
+    report, rooms = home()
+    rooms[30:34, 40:44] = 3  # 0.16 m2
+    picture = picture_of_map(report, rooms, NOWHERE)
+    assert colour_at(picture, 2.25, 1.25) == look.FREE
+    assert colour_at(picture, 2.75, 1.25) == look.TINTS[1]
+
+
 def test_y_points_up_and_the_dock_stands_before_the_start() -> None:
     report, rooms = home()
     picture = picture_of_map(report, rooms, NOWHERE)
