@@ -202,6 +202,18 @@ def _bench_stereo(arguments: argparse.Namespace) -> int:
     return EXIT_DONE
 
 
+def _log_recover(arguments: argparse.Namespace) -> int:
+    from dataclasses import asdict
+
+    from robot.log.recover import recover
+
+    result = recover(arguments.log, arguments.out)
+    _write_json(arguments.json, asdict(result))
+    if arguments.json != "-":
+        print(result.sentence())
+    return EXIT_DONE
+
+
 def _check(arguments: argparse.Namespace) -> int:
     from robot.body.check import check
     from robot.config import load_config
