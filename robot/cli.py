@@ -93,6 +93,12 @@ def parser() -> argparse.ArgumentParser:
     stereo.add_argument("--matchers", default="", help="comma-separated; default: all")
     stereo.add_argument("--out", type=Path, default=Path("runs/stereo"), help="for pictures")
 
+    log = verbs.add_parser("log", help="work on logs: recover")
+    logs = log.add_subparsers(title="log commands", metavar="COMMAND", required=True)
+    recover = _verb(logs, "recover", "save what a damaged log still holds", _log_recover)
+    recover.add_argument("log", type=Path, metavar="LOG", help="a truncated or damaged log.mcap")
+    recover.add_argument("out", type=Path, metavar="OUT", help="the new log")
+
     check = _verb(
         verbs, "check", "is this machine ready to drive? every finding has a remedy", _check
     )
