@@ -22,6 +22,7 @@ CLIFF_AHEAD_RAD = (-0.8, -0.3, 0.3, 0.8)  # the four sensors under the front rim
 GATHER_M = 0.5
 DOCK_REACH_M = 0.02  # the charge contacts' spring travel
 SAME_SIDE = 0.8  # cosine between two touches of one wall
+ROUNDING_M = 1e-9
 RELEASE_M = 0.002  # the bumper's spring
 FULL_V, EMPTY_V, CAPACITY_AH, CHARGE_A = 16.4, 12.8, 2.6, 1.0
 
@@ -125,7 +126,7 @@ class SimBase:
         pressed: list[tuple[float, float]] = []
         for _ in range(6):
             distance, nx, ny = nearest(self._segments, x, y, radius)
-            if distance >= radius:
+            if distance >= radius - ROUNDING_M:
                 break
             x, y = x + nx * (radius - distance), y + ny * (radius - distance)
             pressed.append((nx, ny))
