@@ -83,7 +83,7 @@ class PerceptionConfig(Section):
     # landmarks
     max_tracks: Annotated[int, Meta(ge=8, le=500)] = 120
     max_landmarks: Count = 40  # handed on per frame
-    landmark_age: Count = 8  # frames that a point must have been followed
+    landmark_age: Count = 5  # frames that a point must have been followed
     landmark_range_m: Positive = 5.0
     edges: bool = True  # vertical edges beside points
     max_step_m: Positive = 0.3  # of visual odometry between two frames: more is a mistake
@@ -104,6 +104,8 @@ class SlamConfig(Section):
     slip_chi2: Positive = 12.0  # above: the wheels turned without the floor
     # association
     noise_factor: Positive = 2.0  # covariances of landmarks: their errors last for many frames
+    marker_range_m: Positive = 0.9  # farther, a marker looks smaller than it is
+    marker_noise_factor: Positive = 4.0
     gate_chi2: Positive = 11.8  # two degrees of freedom
     huber_chi2: Positive = 4.0  # beyond, a sight counts less
     height_gate_m: Positive = 0.05
@@ -189,6 +191,7 @@ class ControlConfig(Section):
     stop_gap_m: NotNegative = 0.02
     graze_m: NotNegative = 0.02
     memory_s: Positive = 12.0  # how long a seen obstacle is remembered without being seen again
+    free_memory_s: Positive = 4.0  # how long seen free floor is believed to have stayed free
     memory_range_m: Positive = 1.2
 
 

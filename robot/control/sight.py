@@ -98,7 +98,8 @@ class Sight:
         self._thin()
         here = np.array([odom_from_base.x_m, odom_from_base.y_m])
         self._near_m = self._points_m[(np.abs(self._points_m - here) < NEAR_M).all(axis=1)]
-        while self._views and self._views[0].t_ns < keep_ns:
+        free_ns = t_ns - int(self._control.free_memory_s * 1e9)
+        while self._views and self._views[0].t_ns < free_ns:
             self._views.popleft()
         if len(self._views) > 1 and self._views[-1].t_ns - self._views[-2].t_ns < VIEW_EVERY_NS:
             self._views.pop()

@@ -10,7 +10,7 @@ from robot.mission.rest import give_up
 from robot.mission.state import Situation, State, Step, seconds
 
 LOOKS = 2  # times to look around again when there is no plan at the very beginning
-ENCLOSED_M2 = 0.3  # more work than this does not vanish between two plans
+ENCLOSED_M2, ENCLOSED_SHARE = 0.5, 0.3  # so much work does not vanish between two plans
 GRIDLOCK_M = 0.15  # blocked again before so much was driven: planning alone does not help
 MAX_UNANSWERED = 3
 
@@ -19,6 +19,7 @@ class Clean(State):
     """Sweeps until nothing reachable is left."""
 
     name = "clean"
+    leaves_trail = True
 
     def __init__(self) -> None:
         self._drive: Drive | None = None
@@ -58,9 +59,15 @@ class Clean(State):
     def _begin(self, now: Situation, answer: Planned) -> Step | None:
         """Take a new plan, or end the cleaning; None while there is work."""
         self._unanswered = 0
-        before_m2, now.run.remaining_m2 = now.run.remaining_m2, answer.remaining_m2
+        expected_m2 = now.run.remaining_m2 - (now.swept.area_m2 - self._planned_swept_m2)
+        now.run.remaining_m2 = answer.remaining_m2
+        vanished_m2 = expected_m2 - answer.remaining_m2
+        if vanished_m2 > ENCLOSED_M2 and answer.remaining_m2 < ENCLOSED_SHARE * expected_m2:
+            now.run.remaining_m2 = expected_m2 / 2.0  # believed after some tries
+            reason = f"{vanished_m2:.1f} m2 of work are suddenly out of reach"
+            return Step(then=Recover("enclosed", self), reason=reason)
         if len(answer.path.points_m) == 0:
-            return self._without_work(now, answer, before_m2)
+            return self._without_work(now, answer)
         if self._drive is None and self._ended:
             self._count_fruitless(now)
             if now.run.fruitless_plans and answer.remaining_m2 < now.config.done_m2:
@@ -75,15 +82,9 @@ class Clean(State):
         self._drive, self._ended = Drive(answer.path, now, cleans=True), False
         return None
 
-    def _without_work(self, now: Situation, answer: Planned, before_m2: float) -> Step:
+    def _without_work(self, now: Situation, answer: Planned) -> Step:
         if now.run.plans == 0 and now.run.looks <= LOOKS:
             return Step(then="look", reason=f"no plan yet ({answer.reason}), looking again")
-        vanished_m2 = before_m2 - (now.swept.area_m2 - self._planned_swept_m2)
-        if vanished_m2 > ENCLOSED_M2 and answer.remaining_m2 == 0.0:
-            now.run.remaining_m2 = vanished_m2 / 2.0  # believed after some tries
-            return Step(
-                then=Recover("enclosed", self), reason=f"no way on from here: {answer.reason}"
-            )
         if now.run.plans == 0:
             return Step(then="return", reason=f"nothing to clean: {answer.reason}")
         return Step(then="return", reason=f"finished: {answer.reason}")

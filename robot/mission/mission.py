@@ -50,6 +50,8 @@ class Mission:
             self._carry_out(self._requests.popleft(), now)
         if self.state.active:
             self._watch(now)
+        if self.state.leaves_trail:
+            now.run.trail.drop_crumb(now.odom)
         step = self.state.tick(now)
         if step.then is not None:
             self._change(now, step.then, step.reason)

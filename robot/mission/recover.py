@@ -10,7 +10,9 @@ import numpy as np
 from robot.control.follow import turn_rate_radps
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import wrap_angle
+from robot.mission.drive import matter_near
 from robot.mission.rest import CLEAR_TIMEOUT_S, give_up
+from robot.mission.retrace import Retrace
 from robot.mission.state import Latch, Situation, State, Step, seconds
 
 Kind = Literal["bump", "cliff", "blocked", "stuck", "enclosed", "stop"]
@@ -20,6 +22,7 @@ BACK_TIMEOUT_S = 4.0
 TURN_TIMEOUT_S = 4.0
 TURN_DONE_RAD = 0.1
 MAX_BACK_M = 0.3
+RETRACE_FROM, RETRACE_M = 3, 0.4
 SAYS = {
     "bump": "touched something",
     "cliff": "came to a cliff",
@@ -28,7 +31,9 @@ SAYS = {
     "enclosed": "sees no way on",
     "stop": "was stopped by the motor controller",
 }
-TOUCH_DEG = {"left": (15, 35, 55), "right": (-15, -35, -55), "front": (-15, 0, 15)}
+SIDES_RAD = {"left": (0.0, 1.5), "right": (-1.5, 0.0), "front": (-0.5, 0.5)}
+TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was touched
+TOUCH_WIDTH_RAD = 0.15
 
 
 class Recover(State):
@@ -82,6 +87,9 @@ class Recover(State):
         held = now.touching or now.contact.cliff
         if abs(error) < TURN_DONE_RAD or passed_s > TURN_TIMEOUT_S or held:
             now.run.trouble_at_m = now.driven_m
+            if self._kind == "enclosed" or self._try >= RETRACE_FROM:
+                back = Retrace(RETRACE_M * self._try, self._resume)
+                return Step(then=back, reason="backing off is not enough, going back its own way")
             return Step(then=self._resume, reason="free again, making a new plan")
         return Step(Wish(0.0, turn_rate_radps(error, now.robot), reason="turning away"))
 
@@ -103,17 +111,35 @@ class Recover(State):
         if self._kind in ("bump", "stuck"):
             side = "front" if contact.bump_left == contact.bump_right else "left"
             side = "right" if side == "left" and contact.bump_right else side
-            now.grid.mark_obstacle(_rim(now, TOUCH_DEG[side], 0.01))
+            now.grid.mark_obstacle(_touched(now, *SIDES_RAD[side]))
         elif self._kind == "cliff":
-            now.grid.mark_obstacle(_rim(now, range(-45, 46, 9), 0.02))
+            now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
         elif self._kind == "blocked":
             points = now.gate.sight.nearest_ahead_m(now.odom, now.robot.radius_m / 2.0, 1)
             world_from_odom = now.pose @ now.odom.inverse()
             now.grid.mark_obstacle(world_from_odom.apply(points))
 
 
-def _rim(now: Situation, degrees: tuple[int, ...] | range, beyond_m: float) -> np.ndarray:
+def _touched(now: Situation, low_rad: float, high_rad: float) -> np.ndarray:
+    """Points (n, 2) of `world` where the bumper met something between two bearings.
+
+    If the map knows matter close to the rim there, that is what was touched; otherwise the middle
+    of the side is as good a guess as any. Marking more would close narrow passages.
+    """
+    guess = 0.4 * (low_rad + high_rad)
+    known = matter_near(now.view, now.pose, now.robot.radius_m + TOUCH_REACH_M)
+    if len(known):
+        at = now.pose.inverse().apply(known)
+        away = np.hypot(at[:, 0], at[:, 1])
+        bearing = np.arctan2(at[:, 1], at[:, 0])
+        close = away < now.robot.radius_m + TOUCH_REACH_M
+        close &= (bearing >= low_rad - 0.1) & (bearing <= high_rad + 0.1)
+        if close.any():
+            guess = float(bearing[close][np.argmin(away[close])])
+    return _rim(now, guess + TOUCH_WIDTH_RAD * np.array([-1.0, 0.0, 1.0]), 0.005)
+
+
+def _rim(now: Situation, bearing: np.ndarray, beyond_m: float) -> np.ndarray:
     """Points (n, 2) of `world` just outside the robot's rim at these bearings."""
-    bearing = np.radians(np.array(degrees, dtype=float))
     reach = now.robot.radius_m + beyond_m
     return now.pose.apply(reach * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))

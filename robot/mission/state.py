@@ -14,6 +14,7 @@ from robot.mapping.swept import SweptFloor
 from robot.messages import ClearOrder, Command, Contact, Grid, LinkState
 from robot.mission.desk import PlanDesk
 from robot.mission.dock_sight import DockSight
+from robot.mission.trail import Trail
 
 CLEAR_EVERY_S = 0.3
 Name = Literal["undock", "look", "clean", "return", "dock", "done"]
@@ -30,7 +31,8 @@ class RunRecord:
     fruitless_plans: int = 0
     dock_tries: int = 0
     troubles: int = 0  # since the robot last drove on freely
-    trouble_at_m: float = 0.0  # distance driven when the last one began
+    trouble_at_m: float = 0.0  # distance driven when the last one ended
+    trail: Trail = field(default_factory=Trail)
 
 
 @dataclass(slots=True)
@@ -86,6 +88,7 @@ class State:
     name = "state"
     active = True  # drives by itself: battery, time and progress are watched
     guarded = True  # a contact or a latched stop leads to recovery
+    leaves_trail = False  # its way may be gone back
 
     def enter(self, now: Situation) -> None:
         """Called once, before the first tick in this state."""

@@ -21,6 +21,7 @@ class Return(State):
     """Drives to `staging_m` before the docked pose, which is the origin of the world."""
 
     name = "return"
+    leaves_trail = True
 
     def __init__(self) -> None:
         self._since_ns: int | None = None

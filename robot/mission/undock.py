@@ -14,6 +14,7 @@ class Undock(State):
     """Back `undock_m` straight out of the dock."""
 
     name = "undock"
+    leaves_trail = True
     guarded = False  # the bumper may lean on the dock
 
     def __init__(self) -> None:

@@ -89,7 +89,10 @@ def test_the_same_seed_gives_the_same_commands_bit_for_bit():
 
 def test_something_new_in_the_way_is_driven_round_softly():
     def put(body):
-        body.flat.put((1.15, 0.6, 1.35, 1.0))
+        boxes = [(1.45, 0.6, 1.6, 1.0), (0.95, 0.03, 1.15, 0.3)]
+        body.flat.put(
+            max(boxes, key=lambda b: math.hypot(b[0] - body.pose.x_m, b[1] - body.pose.y_m))
+        )
 
     body, _ = live(one_room(), seed=2, duration_s=400, at=[(20.0, put)])
     assert body.docked, reasons(body)
