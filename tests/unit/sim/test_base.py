@@ -58,6 +58,16 @@ def test_driving_into_a_wall_presses_the_bumper_and_stops(flat, perfect):
     assert base.contacts[0][1] == pytest.approx(0.21, abs=0.02)
 
 
+def test_a_wall_met_at_an_angle_is_slid_along(flat, perfect):
+    base = base_in(flat, perfect)
+    base.carry_to(SE2(2.6, 1.9, math.radians(30.0)))  # the wall's end is at y = 2.5
+    drive(base, 0.3, 0.3, 2.6)
+    x_m, y_m = base.world_from_base.x_m, base.world_from_base.y_m
+    assert x_m == pytest.approx(2.95 - 0.012 - ROBOT.radius_m, abs=1e-6)
+    assert y_m > 1.9 + 0.6 * 0.3 * 2.5 * math.sin(math.radians(30.0)) - 0.02
+    assert len(base.contacts) == 1
+
+
 @pytest.mark.parametrize(("yaw_deg", "side"), [(50.0, "right"), (-50.0, "left")])
 def test_a_glancing_touch_presses_its_own_side(flat, perfect, yaw_deg, side):
     base = base_in(flat, perfect)
@@ -79,7 +89,7 @@ def test_nothing_is_ever_driven_through(orders):
         a, b = walls[:, :2], walls[:, 2:] - walls[:, :2]
         t = np.clip(np.sum((p - a) * b, axis=1) / np.sum(b * b, axis=1), 0, 1)
         nearest = np.hypot(*(a + t[:, None] * b - p).T).min()
-        assert nearest > ROBOT.radius_m - 0.005
+        assert nearest > ROBOT.radius_m - 1e-6
 
 
 def load_scene_once(_cache=[]):  # noqa: B006
@@ -96,6 +106,64 @@ def test_stairs_are_felt_before_a_wheel_goes_over(perfect):
     assert not base.cliff_entered
     drive(base, 0.3, 0.3, 2.0)
     assert base.cliff_entered
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-60.0, 60.0), st.floats(1.5, 2.3))
+def test_every_edge_is_felt_while_there_is_room_to_stop(heading_deg, y_m):
+    """At 0.1 m/s, stopping dead when a sensor looks into the stairs, no wheel gets there."""
+    world = load_stairs_once()
+    base = base_in(world, SimConfig(), seed=2)
+    yaw_rad = math.radians(heading_deg)
+    base.carry_to(SE2(3.3 - 0.35 * math.cos(yaw_rad), y_m - 0.35 * math.sin(yaw_rad), yaw_rad))
+    for _ in range(1000):
+        base.step(0.005, 0.17, 0.17)
+        if base.cliff:
+            break
+    assert base.cliff and not base.wheel_drop
+    drive(base, 0.0, 0.0, 0.5)
+    assert not base.cliff_entered
+
+
+def test_over_the_edge_it_hangs_until_it_is_carried_away(perfect):
+    base = base_in(load_stairs_once(), perfect)
+    base.carry_to(SE2(2.9, 1.9, 0.0))
+    drive(base, 0.3, 0.3, 3.0)
+    fallen = base.world_from_base
+    assert base.wheel_drop and base.cliff_entered
+    drive(base, -0.3, -0.3, 1.0)
+    assert base.world_from_base == fallen
+    base.carry_to(SE2(1.5, 1.2, 0.0))
+    drive(base, 0.3, 0.3, 0.5)
+    assert not base.wheel_drop and base.cliff_entered
+    assert base.world_from_base.x_m > 1.55
+
+
+def load_stairs_once(_cache=[]):  # noqa: B006
+    if not _cache:
+        _cache.append(load_scene("stairs"))
+    return _cache[0]
+
+
+def test_a_second_wall_is_a_second_contact(flat, perfect):
+    """Sliding along one wall into the other of a corner."""
+    base = base_in(flat, perfect)
+    base.carry_to(SE2(2.6, 0.5, math.radians(-45.0)))
+    drive(base, 0.3, 0.3, 6.0)
+    assert len(base.contacts) == 2
+    assert [t for t, _ in base.contacts] == sorted(t for t, _ in base.contacts)
+
+
+def test_the_battery_drains_and_the_dock_fills_it(flat, perfect):
+    base = base_in(flat, perfect)
+    full = base.battery_v
+    base.carry_to(SE2(1.5, 1.4, 0.0))
+    drive(base, -0.4, 0.4, 20.0)
+    drained = base.battery_v
+    assert drained < full
+    base.carry_to(flat.start)
+    drive(base, 0.0, 0.0, 10.0)
+    assert drained < base.battery_v <= full
 
 
 def test_it_charges_on_the_dock_and_only_there(flat, perfect):

@@ -1,11 +1,16 @@
 """Worlds from mesh files, on a room that the test makes."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from robot.config import RobotConfig
-from robot.errors import SceneError
+from robot.errors import MissingExtraError, SceneError
+from robot.geometry.se2 import SE2
 from robot.sim.meshfile import load_mesh_world, slab_outlines
+from robot.sim.rig import StereoRig
+from robot.sim.scene import load_scene
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -36,6 +41,37 @@ def test_a_room_can_be_reached_and_has_a_dock(room):
     assert 0.8 * whole < floor.area_m2 < whole
     x0, y0, x1, y1 = world.bounds()
     assert x0 < world.dock.x_m < x1 and y0 < world.dock.y_m < y1
+
+
+def test_a_toml_scene_puts_dock_and_furniture_into_a_mesh(room):
+    path = room.parent / "with_dock.toml"
+    path.write_text(
+        f'mesh = "{room.name}"\n[dock]\nat = [3.92, 1.5]\nyaw_deg = 180.0\n'
+        '[[furniture]]\nkind = "box"\nat = [2.0, 2.5]\nsize = [0.4, 0.4, 0.4]\n'
+    )
+    bare, world = load_mesh_world(room, RobotConfig()), load_scene(str(path))
+    assert (world.dock.x_m, world.dock.y_m) == (3.92, 1.5)
+    assert world.start.x_m < 3.8
+    lost = bare.reachable(RobotConfig()).area_m2 - world.reachable(RobotConfig()).area_m2
+    assert 0.1 < lost < 0.8
+
+
+def test_the_mesh_and_the_dock_in_it_can_be_seen(room, config, perfect):
+    world = load_mesh_world(room, RobotConfig())
+    camera = config.camera.stereo_camera()
+    frame, disparity = StereoRig(world, camera, perfect, 1).render(0, 0, world.start)
+    marker_m = camera.depth_m(disparity)[120, 190]
+    assert marker_m == pytest.approx(RobotConfig().radius_m + 0.09 - 0.001 - 0.13, abs=1e-3)
+    assert frame.left.std() > 30
+    behind = world.start @ SE2(-0.5, 0.0, np.pi)  # looking across the room at a wall
+    _, disparity = StereoRig(world, camera, perfect, 1).render(0, 0, behind)
+    assert np.isfinite(disparity).mean() > 0.5
+
+
+def test_without_trimesh_the_extra_is_named(room, monkeypatch):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(MissingExtraError, match="pip install"):
+        load_mesh_world(room, RobotConfig())
 
 
 def test_only_what_is_in_the_way_has_an_outline():

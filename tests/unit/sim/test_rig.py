@@ -1,9 +1,15 @@
 """Pictures: exact disparity, repeatable noise, and a marker that can be read."""
 
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
+from robot.errors import SceneError
 from robot.geometry.se2 import SE2
 from robot.sim.render_process import RenderProcess
 from robot.sim.rig import StereoRig, planar_to_space
@@ -71,4 +77,47 @@ def test_the_second_process_draws_the_same_pictures_in_order(flat, config, camer
         assert np.array_equal(frame.right, expected.right)
         np.testing.assert_array_equal(disparity, true_disparity)
     process.close()
+    process.close()
+
+
+ORPHAN = """
+import time
+from robot.config import CameraConfig, SimConfig
+from robot.sim.render_process import RenderProcess
+if __name__ == "__main__":
+    process = RenderProcess("studio", CameraConfig().stereo_camera(), SimConfig(), 1)
+    print(process._process.pid, flush=True)
+    time.sleep(60)
+"""
+
+
+def test_the_second_process_does_not_outlive_its_parent(tmp_path):
+    script = tmp_path / "orphan.py"
+    script.write_text(ORPHAN)
+    parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    child = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    deadline = time.monotonic() + 30.0
+    while is_alive(child) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not is_alive(child)
+
+
+def is_alive(pid):
+    """Whether a process runs; one that only waits to be collected has ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_a_renderer_that_has_died_is_reported_in_one_sentence(config, camera):
+    process = RenderProcess("studio", camera, config.sim, 1)
+    process._process.kill()
+    process._process.join()
+    with pytest.raises(SceneError, match="renderer's process has ended"):
+        process.request(0, 0, SE2())
+        process.result()
     process.close()

@@ -36,17 +36,84 @@ def test_the_docked_robot_touches_the_plate_with_its_front(flat):
     assert towards.x_m > ROBOT.radius_m and abs(towards.y_m) < 1e-9
 
 
+DOCK = "[dock]\nat = [0.1, 1.0]\nyaw_deg = 0.0\n"
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [
         ("[dock]\nat = [0.0, 0.0]", "yaw_deg"),
-        ("[dock]\nat = [0.0, 0.0]\nyaw_deg = 0.0\ncolour = 1", "dock"),
+        (DOCK + "colour = 1", "dock"),
         ("x = [", "TOML"),
+        (DOCK + "[[rooms]]\nx = [2, 1]\ny = [0, 1]", r"rooms\[0\]\.x"),
+        (DOCK + '[[rooms]]\nx = [0, 1]\ny = "wide"', r"rooms"),
+        (DOCK + "[[walls]]\nstart = [0, 0]\nend = [0, 0]", r"walls\[0\]"),
+        (DOCK + "[[walls]]\nstart = [0, 0]\nend = [2, 0]\ndoors = [[1.8, 0.9]]", "doors"),
+        (DOCK + "[[walls]]\nstart = [0, 0]\nend = [nan, 0]", r"walls\[0\]\.end\[0\]"),
+        (DOCK + '[[furniture]]\nkind = "box"\nat = [2, 2]\nsize = [0, 1, 1]', "size"),
+        (DOCK + '[[furniture]]\nkind = "box"\nat = [2, 2]\nbottom = -1.0', "bottom"),
+        (DOCK + '[[cliffs]]\nx = [0, 1]\ny = [0, 1]\ndown = "away"', "down"),
     ],
 )
 def test_a_mistake_in_a_scene_is_named(text, named):
-    with pytest.raises(SceneError, match=named):
+    with pytest.raises(SceneError, match=named) as caught:
         parse_scene(text, "my.toml")
+    assert "my.toml" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_an_unknown_texture_is_named_with_its_table(tmp_path):
+    path = tmp_path / "s.toml"
+    path.write_text(DOCK + '[[rooms]]\nx=[0,3]\ny=[0,2]\nfloor="lava"\n')
+    with pytest.raises(SceneError, match=r"s\.toml: rooms\[0\]: .*lava"):
+        load_scene(str(path))
+
+
+def test_a_dock_behind_a_cupboard_is_refused(tmp_path):
+    path = tmp_path / "s.toml"
+    path.write_text(DOCK + '[[furniture]]\nkind="box"\nat=[0.5,1.0]\n')
+    with pytest.raises(SceneError, match=r"dock\.at"):
+        load_scene(str(path))
+
+
+def test_an_empty_room_is_reached_as_geometry_says(tmp_path):
+    """3 x 2 m inside the skirting boards: centres keep the radius, the brush half its width."""
+    path = tmp_path / "room.toml"
+    walls = [((0, -0.05), (3, -0.05)), ((0, 2.05), (3, 2.05)), ((-0.05, 0), (-0.05, 2)),
+             ((3.05, 0), (3.05, 2))]  # fmt: skip
+    text = DOCK.replace("1.0]", "-0.6]") + "".join(
+        f"[[walls]]\nstart=[{a[0]},{a[1]}]\nend=[{b[0]},{b[1]}]\n" for a, b in walls
+    )
+    path.write_text(text.replace("at = [0.1, -0.6]", "at = [0.1, 1.0]"))
+    floor = load_scene(str(path)).reachable(ROBOT, 0.01)
+    width, depth = 3 - 2 * (0.012 + ROBOT.radius_m), 2 - 2 * (0.012 + ROBOT.radius_m)
+    centres = floor.centres.sum() * 1e-4
+    dock = 0.19 + ROBOT.radius_m - 0.012 - ROBOT.radius_m, 0.2 + 2 * ROBOT.radius_m
+    assert width * depth - dock[0] * dock[1] - 0.02 < centres < width * depth
+    b = ROBOT.brush_width_m / 2
+    grown = width * depth + 2 * b * (width + depth) + np.pi * b * b
+    assert grown - (dock[0] + 0.1) * (dock[1] - b) - 0.03 < floor.area_m2 < grown
+
+
+def test_a_cliff_is_not_reachable():
+    world = load_scene("stairs")
+    floor = world.reachable(ROBOT)
+    rows, columns = np.nonzero(floor.centres)
+    x = floor.origin_x_m + (columns + 0.5) * floor.resolution_m
+    y = floor.origin_y_m + (rows + 0.5) * floor.resolution_m
+    (x0, y0), (x1, y1) = world.cliffs[0].min(axis=0), world.cliffs[0].max(axis=0)
+    away = np.hypot(
+        np.maximum(np.maximum(x0 - x, x - x1), 0), np.maximum(np.maximum(y0 - y, y - y1), 0)
+    )
+    assert away.min() >= ROBOT.radius_m - 1e-9
+
+
+def test_doors_of_built_in_scenes_are_wide_enough():
+    from importlib import resources
+
+    for name in builtin_scenes():
+        text = (resources.files("robot.sim") / "scenes" / f"{name}.toml").read_text("utf-8")
+        for wall in parse_scene(text, name).walls:
+            assert all(width >= 0.8 for _, width in wall.doors), name
 
 
 def test_unknown_furniture_is_named_with_the_choices(tmp_path):
