@@ -106,10 +106,10 @@ def _yaml(text: str, name: str) -> dict[str, Any]:
     class Loader(yaml.SafeLoader):
         pass
 
-    Loader.add_constructor(
-        "tag:yaml.org,2002:opencv-matrix",
-        lambda loader, node: loader.construct_mapping(node, deep=True),
-    )
+    def matrix(loader: Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+        return loader.construct_mapping(node, deep=True)
+
+    Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", matrix)
     lines = [line for line in text.splitlines() if not line.startswith("%YAML")]
     try:
         table = yaml.load("\n".join(lines), Loader=Loader)

@@ -14,6 +14,7 @@ from robot.messages import Landmark, Marker, Seen, StereoFrame
 from robot.perception.confidence import Confidence, match_exposure
 from robot.perception.depth import Depth
 from robot.perception.descriptor import Describer
+from robot.perception.edges import EdgeFinder
 from robot.perception.floor import Floor
 from robot.perception.landmarks import LandmarkMaker
 from robot.perception.marker import MarkerFinder, as_landmark
@@ -43,12 +44,14 @@ class Perception:
     ) -> None:
         self._config, self._camera = config, camera
         self._depth, self._rectifier, self._clock = depth, rectifier, clock
+        self._centre = np.array([camera.cx_px, camera.cy_px])
         self._ids = TrackIds()
         self._confidence = Confidence(config, camera)
         self._floor = Floor(camera)
         self._scan = ScanMaker(config, camera)
         self._tracker = Tracker(config, camera, self._ids)
         self._landmarks = LandmarkMaker(config, camera)
+        self._edges = EdgeFinder(config, camera, self._ids) if config.edges else None
         self._odometry = VisualOdometry(camera, config.max_step_m)
         self._marker = MarkerFinder(config, robot, camera)
         self._marker_track = -1
@@ -76,13 +79,19 @@ class Perception:
             turn = frame.yaw_change_rad
             guess = turn if np.isfinite(turn) else self._last_yaw_rad
             tracks = self._tracker.follow(smooth, guess)
-            points = measure(smooth, smooth_right, trusted.disparity_px, tracks)
+            ground_px = floor.disparity_px(*(tracks.pixel - self._centre).T)
+            points = measure(smooth, smooth_right, trusted.disparity_px, tracks, ground_px)
         with stage("motion"):
             motion, points = self._odometry.update(points, turn)
             self._last_yaw_rad = motion.previous_from_current.yaw_rad if motion else 0.0
         with stage("landmarks"):
             describer = Describer(smooth)
             landmarks = self._landmarks.points(points, describer, floor)
+        with stage("edges"):
+            if self._edges is not None:
+                landmarks += self._edges.find(
+                    smooth, smooth_right, trusted.disparity_px, describer, guess
+                )
         with stage("marker"):
             marker = self._marker.find(left)
             landmarks += self._marker_landmark(marker)
@@ -122,7 +131,9 @@ class Perception:
             self._marker_track = int(self._ids.take(1)[0])
         return [as_landmark(marker, self._marker_track)]
 
-    def _stopwatch(self, stage_ms: dict[str, float]) -> Callable[[str], AbstractContextManager[None]]:
+    def _stopwatch(
+        self, stage_ms: dict[str, float]
+    ) -> Callable[[str], AbstractContextManager[None]]:
         @contextmanager
         def stage(name: str) -> Iterator[None]:
             before_ns = self._clock()

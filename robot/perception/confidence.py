@@ -73,7 +73,7 @@ class Confidence:
         moved = cv2.remap(right, seen, self._v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         difference = cv2.boxFilter(cv2.absdiff(left, moved), cv2.CV_32F, LIKENESS_WINDOW)
         from_noise = 2.0 * noise**2
-        slope = cv2.sqrt(cv2.max(energy - np.float32(from_noise), 0.0)) * np.float32(0.5)
+        slope = np.sqrt(np.maximum(energy - np.float32(from_noise), 0.0)) * np.float32(0.5)
         allowed = slope * np.float32(LIKENESS_PX) + np.float32(LIKENESS_PX + noise)
         return (energy > TEXTURE_OVER_NOISE * from_noise) & (difference < allowed)
 

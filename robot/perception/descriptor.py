@@ -9,6 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+BITS = 256
 GRID = 16
 LEVELS = 4
 _SEED = 20
@@ -17,8 +18,8 @@ _SPREAD = 4.0  # of the second sample around the first, in grid cells
 
 def _pairs() -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(_SEED)
-    first = rng.integers(0, GRID, (256, 2))
-    away = np.rint(rng.normal(0.0, _SPREAD, (256, 2))).astype(int)
+    first = rng.integers(0, GRID, (BITS, 2))
+    away = np.rint(rng.normal(0.0, _SPREAD, (BITS, 2))).astype(int)
     away[np.all(away == 0, axis=1)] = [0, 1]
     second = np.clip(first + away, 0, GRID - 1)
     same = np.all(first == second, axis=1)
@@ -41,6 +42,8 @@ class Describer:
 
     def describe(self, pixel: np.ndarray, width_px: np.ndarray) -> np.ndarray:
         """Descriptors (n, 32) uint8 of square patches `width_px` (n,) wide around pixels (n, 2)."""
+        if not len(pixel):
+            return np.empty((0, BITS // 8), np.uint8)
         step = width_px / GRID
         level = np.clip(np.floor(np.log2(np.maximum(step, 1e-3)) + 0.3), 0, LEVELS - 1).astype(int)
         patches = np.zeros((len(pixel), GRID, GRID), np.uint8)

@@ -12,9 +12,8 @@ from robot.messages import Landmark
 from robot.perception.descriptor import Describer
 from robot.perception.landmarks import PATCH_INSIDE, PATCH_M, polar
 from robot.perception.tracks import TrackIds, turned
-from robot.perception.vertical_edges import Lines, find_lines
+from robot.perception.vertical_edges import Lines, find_lines, place_lines, slopes_of
 
-MIN_OVERLAP = 0.6  # of the left edge's rows
 AGREE_PX = 1.5  # with the dense matcher beside the edge
 STRENGTH_RATIO = 0.6
 BESIDE_PX = (2, 5)  # columns on either side that are asked for their disparity
@@ -25,6 +24,8 @@ FOLLOW_BITS = 70
 MAX_MISSED = 2  # frames that an edge may be hidden before it gets a new number
 LOOK_HEIGHT_M = 0.15  # the description is cut at this height, however long the edge
 MAX_EDGES = 12
+MAX_RANGE_M = 3.0  # beyond, a third of the matches is another edge
+_BITS_SET = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).sum(axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,9 +47,7 @@ class EdgeFinder:
     def __init__(self, config: PerceptionConfig, camera: StereoCamera, ids: TrackIds) -> None:
         self._config, self._camera, self._ids = config, camera, ids
         empty, none = np.empty(0), np.empty(0, np.int64)
-        self._before = _Followed(
-            empty, empty, none, np.empty((0, 32), np.uint8), none, none, none
-        )
+        self._before = _Followed(empty, empty, none, np.empty((0, 32), np.uint8), none, none, none)
 
     def find(
         self,
@@ -62,22 +61,25 @@ class EdgeFinder:
 
         `yaw_rad` is about how far the robot turned since the last frame.
         """
-        lines = find_lines(left, self._config.image_noise)
-        others = find_lines(right, self._config.image_noise)
+        here, there = slopes_of(left), slopes_of(right)
+        lines = find_lines(here, self._config.image_noise)
         near = _near_disparity(lines, dense_px)
-        index, disparity = _match(lines, others, near)
-        least = self._camera.focal_px * self._camera.baseline_m / self._config.landmark_range_m
-        far_enough = disparity > least
-        index, disparity = index[far_enough], disparity[far_enough]
-        u = lines.at(np.full(len(lines.u), self._camera.cy_px))[index]
+        lines, near = lines[np.isfinite(near)], near[np.isfinite(near)]
+        disparity = _match(here, there, lines, near)
+        reach_m = min(self._config.landmark_range_m, MAX_RANGE_M)
+        least = self._camera.focal_px * self._camera.baseline_m / reach_m
+        with np.errstate(invalid="ignore"):
+            good = disparity > least
+        lines, disparity = lines[good], disparity[good]
+        u = lines.at(self._camera.cy_px)
         look = self._look_at(u, disparity)
         width = PATCH_M * disparity / self._camera.baseline_m
         inside = describer.inside(look, width, PATCH_INSIDE)
-        index, u, disparity, look, width = (
-            a[inside] for a in (index, u, disparity, look, width)
+        sign, u, disparity, look, width = (
+            a[inside] for a in (lines.sign, u, disparity, look, width)
         )
         bits = describer.describe(look, width)
-        track_id, age = self._follow(u, disparity, lines.sign[index], bits, yaw_rad)
+        track_id, age = self._follow(u, disparity, sign, bits, yaw_rad)
         return self._landmarks(u, disparity, bits, track_id, age)
 
     def _look_at(self, u: np.ndarray, disparity: np.ndarray) -> np.ndarray:
@@ -123,8 +125,10 @@ class EdgeFinder:
         level = np.column_stack([before.u, np.full(len(before.u), camera.cy_px)])
         away = np.abs(turned(level, yaw_rad, camera)[:, 0][None] - u[:, None])
         fits = (away < FOLLOW_PX) & (before.sign[None] == sign[:, None])
-        fits &= np.abs(before.d[None] - disparity[:, None]) < 1.0 + FOLLOW_SHARE * disparity[:, None]
-        differing = np.bitwise_count(before.bits[None] ^ bits[:, None]).sum(axis=2)
+        fits &= (
+            np.abs(before.d[None] - disparity[:, None]) < 1.0 + FOLLOW_SHARE * disparity[:, None]
+        )
+        differing = _BITS_SET[before.bits[None] ^ bits[:, None]].sum(axis=2)
         fits &= differing < FOLLOW_BITS
         cost = np.where(fits, away + 0.1 * differing, np.inf)
         track_id = np.full(len(u), -1, np.int64)
@@ -164,22 +168,14 @@ def _near_disparity(lines: Lines, dense: np.ndarray) -> np.ndarray:
     return near
 
 
-def _match(lines: Lines, others: Lines, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which left edges (k,) have a partner in the right image, and their disparity (k,)."""
-    if not len(lines.u) or not len(others.u):
-        return np.empty(0, int), np.empty(0)
-    top = np.maximum(lines.top[:, None], others.top[None])
-    bottom = np.minimum(lines.bottom[:, None], others.bottom[None])
-    v = 0.5 * (top + bottom)
-    left = lines.u[:, None] + lines.slope[:, None] * (v - lines.v[:, None])
-    disparity = left - others.at(v)
-    away = np.abs(disparity - near[:, None])
-    rows = (lines.bottom - lines.top + 1)[:, None]
-    weak = np.minimum(lines.strength[:, None], others.strength[None])
-    strong = np.maximum(lines.strength[:, None], others.strength[None])
-    fits = (lines.sign[:, None] == others.sign[None]) & (bottom - top >= MIN_OVERLAP * rows)
-    fits &= (weak > STRENGTH_RATIO * strong) & (disparity > 0.3) & (away < AGREE_PX)
-    away = np.where(fits, away, np.inf)
-    best = np.argmin(away, axis=1)
-    index = np.flatnonzero(np.isfinite(away[np.arange(len(best)), best]))
-    return index, disparity[index, best[index]]
+def _match(here: np.ndarray, there: np.ndarray, lines: Lines, near: np.ndarray) -> np.ndarray:
+    """Disparity (n,) of edges between the gradients of both images, NaN without a partner.
+
+    Both places are measured alike, so that whatever pulls them pulls both.
+    """
+    own, strength = place_lines(here, lines, np.zeros(len(near)))
+    other, other_strength = place_lines(there, lines, near)
+    weak, strong = np.minimum(strength, other_strength), np.maximum(strength, other_strength)
+    with np.errstate(invalid="ignore"):
+        good = (weak > STRENGTH_RATIO * strong) & (np.abs(other - own) < AGREE_PX)
+    return np.where(good, near + own - other, np.nan)

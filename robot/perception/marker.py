@@ -47,9 +47,9 @@ class MarkerFinder:
             return None
         corners, ids, _ = self._detector.detectMarkers(left)
         if ids is not None:
-            for quad, marker_id in zip(corners, np.ravel(ids).tolist(), strict=True):
+            for quad, marker_id in zip(corners, np.ravel(ids), strict=True):
                 sharp = sharpen_quad(left, quad.reshape(4, 2).astype(np.float64))
-                marker = self._locate(sharp, marker_id)
+                marker = self._locate(sharp, int(marker_id))
                 if marker is not None:
                     return marker
         self._wait = self._every - 1

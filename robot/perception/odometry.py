@@ -18,12 +18,12 @@ from robot.geometry.stereo import StereoCamera
 from robot.messages import VisualMotion
 from robot.perception.point_stereo import Points
 
-SIGMA_PX = np.array([0.3, 0.4, 0.3])  # of u, v and d, between two frames
+SIGMA_PX = np.array([0.2, 0.2, 0.3])  # of u, v and d, between two frames
 WIDTHS = (64.0, 16.0, 8.0, 4.0, 3.0, 3.0, 3.0)  # of the loss, in sigma, from wide to narrow
 OUTLIER_SIGMA = 3.5
 MIN_INLIERS, MIN_SHARE = 8, 0.4
 MIN_DISPARITY_PX = 1.5
-COV_FACTOR = 2.0  # neighbouring points share their errors
+COV_FACTOR = 1.2  # neighbouring points share their errors
 FLOOR_SIGMA = np.array([0.0005, 0.0005, 0.0005])  # m, m, rad
 MAX_STEP_M, MAX_STEP_RAD = 0.3, 0.6  # between two frames: more is a mistake
 

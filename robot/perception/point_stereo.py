@@ -15,7 +15,11 @@ ROW_PX = 0.8  # how far off its row a match may be: eyes are never quite level
 EDGE_PX = 1.0  # disparity changing more than that around a point: a depth edge
 EDGE_SHARE = 0.06
 REACH_PX = 3  # half the neighbourhood looked at
-WINDOW = {"winSize": (15, 13), "criteria": (3, 20, 0.01)}
+FLOOR_PX = 0.7  # the dense disparity of floor is so near to the plane's ...
+FLOOR_SHARE = 0.04  # ... or so much of it
+MIN_FLOOR_PX = 5.0  # farther away floor and what stands on it look the same
+WINDOW_PX = (15, 13)
+STOP = (3, 20, 0.01)  # by count and by epsilon
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +37,19 @@ class Points:
     age: np.ndarray
 
 
-def measure(left: np.ndarray, right: np.ndarray, dense_px: np.ndarray, tracks: Tracks) -> Points:
+def measure(
+    left: np.ndarray,
+    right: np.ndarray,
+    dense_px: np.ndarray,
+    tracks: Tracks,
+    floor_px: np.ndarray,
+) -> Points:
     """Match every track in the right image, starting from the dense disparity (h, w).
 
     Both images are smoothed and of equal exposure. A point without dense disparity around it, or
-    whose match disagrees with it, has NaN.
+    whose match disagrees with it, has NaN. Where the dense disparity agrees with `floor_px` (n,),
+    the floor's disparity at the tracks, that is taken: a small window slides along the joints and
+    grain of a floor, while the plane is known from thousands of pixels.
     """
     count = len(tracks.pixel)
     if count == 0:
@@ -54,17 +66,20 @@ def measure(left: np.ndarray, right: np.ndarray, dense_px: np.ndarray, tracks: T
         right,
         tracks.pixel.reshape(-1, 1, 2),
         start.reshape(-1, 1, 2),
+        winSize=WINDOW_PX,
         maxLevel=0,
+        criteria=STOP,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        **WINDOW,
     )
     offset = tracks.pixel - matched.reshape(-1, 2)
     disparity = offset[:, 0].astype(np.float64)
     good = known & (found.ravel() == 1) & (disparity > 0.3) & (np.abs(offset[:, 1]) < ROW_PX)
     good &= np.abs(disparity - seed) < AGREE_PX + AGREE_SHARE * seed
-    return Points(
-        tracks.pixel, np.where(good, disparity, np.nan), ~edge, tracks.track_id, tracks.age
-    )
+    with np.errstate(invalid="ignore"):
+        flat = known & (np.abs(middle - floor_px) < FLOOR_PX + FLOOR_SHARE * floor_px)
+        flat &= floor_px > MIN_FLOOR_PX
+    disparity = np.where(flat, floor_px, np.where(good, disparity, np.nan))
+    return Points(tracks.pixel, disparity, ~edge | flat, tracks.track_id, tracks.age)
 
 
 def _around(dense: np.ndarray, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -133,10 +133,14 @@ class ScanMaker:
         return np.max(np.where(flat & whole, depth, np.float32(0.0)), axis=0)
 
     def _clear(self, free_z: np.ndarray) -> np.ndarray:
-        """Free floor (bearings,) along every ray from `base`, from depth (columns,)."""
+        """Free floor (bearings,) along every ray from `base`, from depth (columns,).
+
+        The part of a ray before the camera's sight counts as free only if what follows was seen.
+        """
         free = self._ray_z <= free_z[self._ray_column]
-        blocked = np.logical_or.accumulate(~free, axis=1)
-        return np.max(np.where(blocked, 0.0, self._ray_range), axis=1)
+        open_so_far = np.logical_and.accumulate(free, axis=1)
+        seen = np.any(open_so_far & (self._ray_z > 0.0), axis=1)
+        return np.where(seen, np.max(np.where(open_so_far, self._ray_range, 0.0), axis=1), 0.0)
 
     # ------------------------------------------------------------------ tables
 

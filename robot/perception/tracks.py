@@ -20,7 +20,8 @@ BLOCK_PX = 5
 CORNER_PER_NOISE2 = 5e-5  # least eigenvalue (OpenCV's scale) per squared grey level of noise
 BACK_PX = 0.5  # a point must come back to where it started
 UPPER_SHARE = 0.65  # of the tracks are kept for what stands above the floor
-WINDOW = {"winSize": (15, 15), "criteria": (3, 20, 0.02)}  # by count and by epsilon
+WINDOW_PX = (15, 15)
+STOP = (3, 20, 0.02)  # by count and by epsilon
 CORNER_STOP = (3, 8, 0.03)
 
 
@@ -56,10 +57,24 @@ class Tracker:
         old = tracks.pixel.reshape(-1, 1, 2)
         guess = turned(tracks.pixel, yaw_rad, self._camera).reshape(-1, 1, 2)
         new, found, _ = cv2.calcOpticalFlowPyrLK(
-            before, image, old, guess, maxLevel=2, flags=cv2.OPTFLOW_USE_INITIAL_FLOW, **WINDOW
+            before,
+            image,
+            old,
+            guess,
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+            winSize=WINDOW_PX,
+            maxLevel=2,
+            criteria=STOP,
         )
         back, returned, _ = cv2.calcOpticalFlowPyrLK(
-            image, before, new, old.copy(), maxLevel=0, flags=cv2.OPTFLOW_USE_INITIAL_FLOW, **WINDOW
+            image,
+            before,
+            new,
+            old.copy(),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+            winSize=WINDOW_PX,
+            maxLevel=0,
+            criteria=STOP,
         )
         pixel = new.reshape(-1, 2)
         good = (found.ravel() == 1) & (returned.ravel() == 1)
@@ -84,7 +99,8 @@ class Tracker:
         for x, y in tracks.pixel.astype(int).tolist():
             cv2.circle(room, (x, y), SPACING_PX, 0, -1)
         corners = [
-            self._corners(image[top:bottom], room[top:bottom], wanted) + np.float32([0, top])
+            self._corners(image[top:bottom], room[top:bottom], wanted)
+            + np.array([0, top], np.float32)
             for top, bottom, wanted in halves
             if wanted > 0
         ]
