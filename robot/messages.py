@@ -200,9 +200,7 @@ class Request:
     args: tuple[str, ...] = ()
 
 
-Event = (
-    Tick | WheelTravel | ImuSample | Contact | Battery | LinkState | Seen | Planned | Request
-)
+Event = Tick | WheelTravel | ImuSample | Contact | Battery | LinkState | Seen | Planned | Request
 
 # ---------------------------------------------------------------- commands
 

@@ -27,7 +27,7 @@ def test_raw_counts_become_radians_per_second(raw):
 
 
 def test_a_foreign_chip_is_refused_by_name():
-    with pytest.raises(HardwareError, match="0x19.*MPU-6050"):
+    with pytest.raises(HardwareError, match=r"0x19.*MPU-6050"):
         Imu(FakeI2cBus(identity=0x19))
 
 
