@@ -2,7 +2,9 @@
 
 The picture's first row is the farthest in y; `origin` is the outer corner of its lower left pixel.
 Grey means p = (255 - value) / 255 (or value / 255 with `negate`): occupied above
-`occupied_thresh`, free below `free_thresh`, unknown between (ROS map_server, "trinary").
+`occupied_thresh`, free below `free_thresh`, unknown between (ROS map_server, "trinary"). Grey 205
+is what map savers write for unknown; it stays unknown although it lies below the free_thresh of
+0.25 that newer ones write beside it.
 Pure: bytes and text in, bytes and text out.
 """
 
@@ -61,6 +63,8 @@ def grid_from_map_server(pgm: bytes, yaml_text: str, name: str = "map.yaml") -> 
     cells = np.full(grey.shape, -1, np.int8)
     cells[occupancy < info.free_thresh] = 0
     cells[occupancy > info.occupied_thresh] = 100
+    if not info.negate:
+        cells[grey == _UNKNOWN_GREY] = -1
     return Grid(
         info.resolution_m, info.origin_x_m, info.origin_y_m, np.ascontiguousarray(cells[::-1])
     )

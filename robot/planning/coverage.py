@@ -35,10 +35,12 @@ def plan_coverage(space: Space, planning: PlanningConfig, robot: RobotConfig) ->
     remaining_m2 = space.area_m2(todo)
     lattice = Lattice(space, planning.soft_clearance_m)
     pieces = work_pieces(space, todo, planning, robot) if remaining_m2 > 0.0 else []
-    lines = tour(space, lattice, pieces, planning)
+    horizon = planning.horizon_m / space.cell_m if planning.horizon_m > 0.0 else np.inf
+    lines = tour(space, lattice, pieces, planning, horizon)
     reason = f"sweep {remaining_m2:.1f} m2"
     at = lines[-1][-1] if lines else space.entry
-    look = look_route(space, lattice, at, planning.min_unseen_m2)
+    whole = len(lines) == len(pieces)
+    look = look_route(space, lattice, at, planning.min_unseen_m2) if whole else None
     if look is not None:
         reason = reason + " and look" if lines else "look at unseen floor"
         lines.append(look)

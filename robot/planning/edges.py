@@ -6,6 +6,7 @@ The way is the contour of the reachable centres, moved onto the exact level line
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -14,6 +15,7 @@ import numpy as np
 from robot.planning.costmap import Space
 
 _SMOOTH_M = 0.06
+_LINE_CELLS = 0.35  # how far corners may be left out of the line
 _PIECE_M = 0.10
 _BRIDGE_M = 0.30  # gaps in a chain shorter than this are driven through
 _NEW_SHARE = 0.2  # a piece is worth driving if it sweeps this share of its length anew
@@ -120,7 +122,7 @@ def _useful(
     bridge = max(1, round(_BRIDGE_M / _PIECE_M))
     for first, last in _runs(useful, bridge):
         if last - first >= len(starts):
-            chains.append(Chain(_simple(np.vstack([points, points[:1]])), True))
+            chains.append(Chain(simplified(np.vstack([points, points[:1]]), _LINE_CELLS), True))
             continue
         index = np.arange(starts[first], starts[first] + (last - first) * size + 1) % len(points)
         if last > len(starts):  # the run goes over the contour's seam, whose piece may be short
@@ -130,7 +132,7 @@ def _useful(
                     np.arange(0, (last - len(starts)) * size + 1),
                 ]
             ) % len(points)
-        chains.append(Chain(_simple(points[index]), False))
+        chains.append(Chain(simplified(points[index], _LINE_CELLS), False))
     return chains
 
 
@@ -152,7 +154,30 @@ def _runs(useful: np.ndarray, bridge: int) -> list[tuple[int, int]]:
     return runs
 
 
-def _simple(points: np.ndarray) -> np.ndarray:
-    """Fewer points within a third of a cell of the same line."""
-    line = points.astype(np.float32).reshape(-1, 1, 2)
-    return cv2.approxPolyDP(line, 0.35, False)[:, 0, :].astype(float)
+def simplified(points: np.ndarray, tolerance: float) -> np.ndarray:
+    """Fewer points (m, 2) of the same line, none farther than `tolerance` from the new one.
+
+    Douglas and Peucker, Cartographica 1973 (cv2's version drops corners of lines that end where
+    they begin).
+    """
+    keep = np.zeros(len(points), bool)
+    keep[[0, -1]] = True
+    stack = [(0, len(points) - 1)]
+    while stack:
+        first, last = stack.pop()
+        if last - first < 2:
+            continue
+        a, leg = points[first], points[last] - points[first]
+        inner = points[first + 1 : last] - a
+        far = math.hypot(leg[0], leg[1])
+        if far > 1e-9:
+            along = np.clip(inner @ leg / far**2, 0.0, 1.0)
+            off = np.hypot(*(inner - along[:, None] * leg).T)
+        else:
+            off = np.hypot(*inner.T)
+        k = int(off.argmax())
+        if off[k] > tolerance:
+            middle = first + 1 + k
+            keep[middle] = True
+            stack += [(first, middle), (middle, last)]
+    return points[keep]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -115,7 +116,7 @@ class Lattice:
     def _along(self, nodes: list[int]) -> np.ndarray:
         """The nodes' points, and the bends of edges that are not straight."""
         points = [self.points[nodes[0]]]
-        for a, b in zip(nodes, nodes[1:], strict=False):
+        for a, b in pairwise(nodes):
             bend = self._bends.get((min(a, b), max(a, b)))
             points += [self.points[b]] if bend is None else [bend, self.points[b]]
         return np.array(points)

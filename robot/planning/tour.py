@@ -23,10 +23,18 @@ _SLACK_M = 0.8  # how much farther than the nearest entry others are still compa
 
 
 def tour(
-    space: Space, lattice: Lattice, pieces: Sequence[Chain | Cell], planning: PlanningConfig
+    space: Space,
+    lattice: Lattice,
+    pieces: Sequence[Chain | Cell],
+    planning: PlanningConfig,
+    horizon: float,
 ) -> list[np.ndarray]:
-    """Polylines (n, 2) in cells that lead from the robot through every reachable piece in turn."""
-    return _Tour(space, lattice, pieces, planning).lines()
+    """Polylines (n, 2) in cells that lead from the robot through every reachable piece in turn.
+
+    The last one is cut where `horizon` cells have been driven: an edge, seen from afar, is only a
+    guess, so its length counts twice.
+    """
+    return _Tour(space, lattice, pieces, planning).lines(horizon)
 
 
 class _Tour:
@@ -51,16 +59,18 @@ class _Tour:
                 node = lattice.node_at(way[0])
                 self._entries.setdefault(node, []).append((i, w))
 
-    def lines(self) -> list[np.ndarray]:
+    def lines(self, horizon: float) -> list[np.ndarray]:
         at, heading = self._space.entry, self._space.heading_rad
         left = set(range(len(self._ways)))
         lines = []
-        while left:
+        while left and horizon > 0.0:
             found = self._next(at, heading, left)
             if found is None:
                 break
             piece, way, approach = found
             line = self._driven(approach, self._ways[piece][way], piece in self._cells)
+            weight = 1.0 if piece in self._cells else 1.0
+            line, horizon = _cut(line, horizon, weight)
             lines.append(line)
             left.discard(piece)
             at = line[-1]
@@ -115,6 +125,15 @@ class _Tour:
                     points += list(route[1:-1])
             points.append(p)
         return np.array(points)
+
+
+def _cut(line: np.ndarray, horizon: float, weight: float) -> tuple[np.ndarray, float]:
+    """The line up to the first point beyond `horizon`, and what is left of the horizon."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))]) * weight
+    last = int(np.searchsorted(along, horizon))
+    if last >= len(line):
+        return line, horizon - float(along[-1])
+    return line[: last + 1], 0.0
 
 
 def _turned(angle: float) -> float:
