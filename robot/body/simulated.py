@@ -141,7 +141,7 @@ class SimulatedBody:
                     bump_left=base.bump_left,
                     bump_right=base.bump_right,
                     cliff=base.cliff,
-                    wheel_drop=False,
+                    wheel_drop=base.wheel_drop,
                     charging=base.charging,
                     battery_mv=int(base.battery_v * 1000),
                     current_ma=int(base.motor_current_a * 1000),
