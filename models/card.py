@@ -116,6 +116,12 @@ def _verdict(name: str, bench: dict[str, Any]) -> str:
     return f"Accuracy, 100 - bad-3, as a share of fair SGBM's: {', '.join(parts)}."
 
 
+def _first_line(text: str) -> str:
+    """First line of a module's docstring, without the leading name."""
+    what = text.split("\n")[0].split(": ", 1)[1]
+    return what[0].upper() + what[1:]
+
+
 def card(name: str, bench: dict[str, Any], training: Path, models: Path = HERE) -> str:
     """The text of the card of one network of the manifest."""
     entry = next(
@@ -126,7 +132,7 @@ def card(name: str, bench: dict[str, Any], training: Path, models: Path = HERE) 
     data = entry["training_data"]
     return TEXT.format(
         **{**entry, "training_data": data[0].upper() + data[1:]},
-        what=(module.__doc__ or "").split("\n")[0].split(": ", 1)[1],
+        what=_first_line(module.__doc__ or ""),
         sha=entry["sha256"][:16],
         a53="not measured" if a53 is None else f"{a53} M per pair",
         steps=f"{entry['training_steps']} steps in {entry['training_minutes']} minutes "
