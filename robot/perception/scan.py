@@ -19,11 +19,13 @@ from robot.perception.floor import FloorPlane
 COLUMN_PX = 2
 CELL_PX = 0.5  # of disparity
 MIN_EXTENT_M = 0.018  # of an obstacle, above the lowest height that counts
-MIN_VOTES = 7.0
+MIN_ROWS = 5.0
 MIN_ABOVE_PX = 0.9  # disparity above the floor's that noise does not reach
 FLOOR_PX = 0.8
-GAP_M = 0.12  # unseen floor between seen floor that is taken for free ...
-GAP_SHARE = 0.12  # ... and more of it far away, where rows are metres apart
+CLIMB_PX = 1.0  # the top of a peak is so near behind its flank ...
+CLIMB_SHARE = 0.06  # ... or so much of the disparity
+GAP_M = 0.25  # unseen floor between seen floor that is taken for free ...
+GAP_SHARE = 0.15  # ... and more of it far away, where rows are metres apart
 CLEAR_STEP_M = 0.05
 
 
@@ -67,18 +69,17 @@ class ScanMaker:
         with np.errstate(invalid="ignore"):
             votes = (above > np.float32(low) * disparity) & (above < np.float32(high) * disparity)
             votes &= (above > MIN_ABOVE_PX) & (disparity > self._min_px)
-        _, columns = np.nonzero(votes)
+        row, column = np.nonzero(votes)
         d = disparity[votes]
-        cell = (d * np.float32(1.0 / CELL_PX)).astype(np.int32)
-        index = self._column[columns] * self._cells + np.minimum(cell, self._cells - 1)
+        cell = np.minimum((d * np.float32(1.0 / CELL_PX)).astype(np.int32), self._cells - 1)
+        index = self._column[column] * self._cells + cell
         shape = (self._columns, self._cells)
         count = np.bincount(index, minlength=shape[0] * shape[1]).reshape(shape)
         total = np.bincount(index, weights=d, minlength=count.size).reshape(shape)
         count, total = _sum_of_three(count, 1), _sum_of_three(total, 1)
-        wide = _sum_of_three(count, 0)  # a thin leg may stand between two columns
         centre = (np.arange(self._cells) + 0.5) * CELL_PX
-        rows = MIN_EXTENT_M * centre / self._camera.baseline_m
-        enough = (wide >= np.maximum(MIN_VOTES, COLUMN_PX * rows)) & (count > 0)
+        least = np.maximum(MIN_ROWS, MIN_EXTENT_M * centre / self._camera.baseline_m)
+        enough = (self._rows(row, column, cell) >= least) & (count > 0)
         nearest = self._cells - 1 - np.argmax(enough[:, ::-1], axis=1)
         column = np.arange(self._columns)
         # The first cell over the threshold is the flank of the peak; its top is just behind.
@@ -87,6 +88,29 @@ class ScanMaker:
         found = enough.any(axis=1)
         mean = total[column, nearest] / np.maximum(count[column, nearest], 1)
         return np.where(found, mean, 0.0)
+
+    def _climb(self, count: np.ndarray, nearest: np.ndarray) -> np.ndarray:
+        """From the near flank of a peak (columns,) to its top, a little farther away."""
+        reach = (CLIMB_PX + CLIMB_SHARE * CELL_PX * nearest) / CELL_PX
+        steps = np.arange(int(reach.max()) + 1)
+        behind = np.maximum(nearest[:, None] - steps, 0)
+        votes = np.take_along_axis(count, behind, axis=1)
+        votes = np.where(steps <= reach[:, None], votes, -1)
+        return nearest - np.argmax(votes, axis=1)
+
+    def _rows(self, row: np.ndarray, column: np.ndarray, cell: np.ndarray) -> np.ndarray:
+        """How many image rows voted (columns, cells), neighbours in both counted as one.
+
+        Matching errors run along rows, obstacles stand across them: a streak is one vote.
+        """
+        shape = (self._columns + 2, self._cells + 2, self._camera.height_px)
+        voted = np.zeros(shape, np.uint8)
+        flat = voted.reshape(-1)
+        place = ((self._column[column] + 1) * shape[1] + cell + 1) * shape[2] + row
+        for aside in (-1, 0, 1):
+            for behind in (-1, 0, 1):
+                flat[place + (aside * shape[1] + behind) * shape[2]] = 1
+        return voted.sum(axis=2, dtype=np.uint16)[1:-1, 1:-1]
 
     def _ranges(self, nearest_px: np.ndarray, floor: FloorPlane) -> np.ndarray:
         """Nearest obstacle (bearings,) in `base`, NaN where none."""
@@ -116,13 +140,14 @@ class ScanMaker:
         with np.errstate(invalid="ignore"):
             flat = np.abs(disparity - ground) < np.maximum(np.float32(tolerance) * ground, FLOOR_PX)
         flat &= (ground > self._min_px) & (ground < self._config.max_disparity_px)
+        # Where the foot of a wall passes for floor, its own disparity still tells its depth.
+        nearness = np.where(flat, np.fmax(disparity, ground), np.float32(0.0))
         pad = self._columns * COLUMN_PX - flat.shape[1]
-        flat = np.pad(flat, ((0, 0), (0, pad))) if pad else flat
-        flat = flat[:, ::COLUMN_PX] | flat[:, COLUMN_PX - 1 :: COLUMN_PX]
-        middle = np.minimum(np.rint(self._column_u).astype(int), ground.shape[1] - 1)
+        nearness = np.pad(nearness, ((0, 0), (0, pad))) if pad else nearness
+        nearness = np.maximum(nearness[:, ::COLUMN_PX], nearness[:, COLUMN_PX - 1 :: COLUMN_PX])
+        flat = nearness > 0.0
         fb = np.float32(self._camera.focal_px * self._camera.baseline_m)
-        with np.errstate(divide="ignore"):
-            depth = np.where(ground[:, middle] > 0, fb / ground[:, middle], np.float32(np.inf))
+        depth = fb / np.where(flat, nearness, np.float32(1.0))
         # Upwards from the bottom row: depth of the last floor seen so far, and the gap since.
         depth, flat = depth[::-1], flat[::-1]
         first_z = fb / np.float32(self._config.max_disparity_px)  # nearer floor cannot be matched
