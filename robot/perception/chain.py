@@ -11,10 +11,11 @@ import numpy as np
 from robot.config import PerceptionConfig, RobotConfig
 from robot.geometry.stereo import StereoCamera
 from robot.messages import Landmark, Marker, Seen, StereoFrame
-from robot.perception.confidence import Confidence, match_exposure
+from robot.perception.confidence import Confidence
 from robot.perception.depth import Depth
 from robot.perception.descriptor import Describer
 from robot.perception.edges import EdgeFinder
+from robot.perception.exposure import Exposure
 from robot.perception.floor import Floor
 from robot.perception.landmarks import LandmarkMaker
 from robot.perception.marker import MarkerFinder, as_landmark
@@ -46,6 +47,7 @@ class Perception:
         self._depth, self._rectifier, self._clock = depth, rectifier, clock
         self._centre = np.array([camera.cx_px, camera.cy_px])
         self._ids = TrackIds()
+        self._exposure = Exposure()
         self._confidence = Confidence(config, camera)
         self._floor = Floor(camera)
         self._scan = ScanMaker(config, camera)
@@ -70,6 +72,7 @@ class Perception:
             found = self._depth.match(left, right, t_ns=frame.t_ns, given=given)
         with stage("confidence"):
             trusted = self._confidence.check(left, right, found)
+            self._exposure.learn(left, right, trusted.disparity_px)
         with stage("scan"):
             floor = self._floor.update(trusted.disparity_px, self._config.max_disparity_px)
             scan = self._scan.make(trusted.disparity_px, floor)
@@ -120,7 +123,7 @@ class Perception:
                     side,
                     "set camera.width_px and camera.height_px, or name a calibration",
                 )
-        return left, match_exposure(left, right)
+        return left, self._exposure.match(left, right)
 
     def _marker_landmark(self, marker: Marker | None) -> list[Landmark]:
         """The marker as a landmark, under one track number while it stays in sight."""

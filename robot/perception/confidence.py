@@ -5,10 +5,11 @@ Four cheap tests, none of which needs a second match:
 - *seen by both*: the match must lie inside the right image;
 - *unique*: where two pixels claim one place of the right image, the nearer one hides the other
   (the left-right check, from one side only);
-- *texture*: a window without horizontal gradient above the sensor's noise says nothing about
-  disparity, and there matchers invent obstacles on plain walls;
 - *likeness*: the right image, shifted by the disparity, must look like the left one up to what
-  noise and a fraction of a pixel explain.
+  noise and a fraction of a pixel explain;
+- *foundation*: a window without horizontal gradient above the sensor's noise says nothing about
+  disparity, and there matchers invent obstacles on plain walls. What stands there is believed only
+  as part of a large smooth surface, which is held by texture elsewhere.
 """
 
 from __future__ import annotations
@@ -25,8 +26,11 @@ from robot.messages import DisparityMap
 UNIQUE_PX = 1.0
 TEXTURE_WINDOW = (7, 7)
 LIKENESS_WINDOW = (5, 5)
-TEXTURE_OVER_NOISE = 1.3  # energy of the horizontal gradient, times what noise alone gives
-LIKENESS_PX = 0.7  # mean difference allowed, in pixels of shift along the local gradient
+TEXTURE_OVER_NOISE = 3.0  # energy of the horizontal gradient beyond the noise's own
+ALIKE_U_PX, ALIKE_V_PX = 1.0, 0.5  # shift allowed along the columns' and the rows' gradient ...
+ALIKE_GREY = 1.2  # ... and difference in brightness, beside the noise
+SURFACE_PIXELS = 500
+SURFACE_STEP = 16  # sixteenths of a pixel between neighbours of one surface
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +58,7 @@ class Confidence:
         seen = self._u - disparity
         known &= self._unique(seen, disparity, known)
         known &= self._alike(left, right, seen)
+        known &= self._founded(left, disparity)
         trusted = np.where(known, found.disparity_px, np.float32(np.nan))
         return Trusted(trusted, float(np.count_nonzero(known)) / known.size)
 
@@ -67,21 +72,23 @@ class Confidence:
         return inside & (nearest[target] - disparity <= UNIQUE_PX)
 
     def _alike(self, left: np.ndarray, right: np.ndarray, seen: np.ndarray) -> np.ndarray:
-        noise = self._config.image_noise
-        gradient = cv2.Sobel(left, cv2.CV_32F, 1, 0, ksize=1)  # difference of the two neighbours
-        energy = cv2.blur(cv2.multiply(gradient, gradient), TEXTURE_WINDOW)
+        """Whether the shifted right image looks like the left one."""
         moved = cv2.remap(right, seen, self._v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         difference = cv2.boxFilter(cv2.absdiff(left, moved), cv2.CV_32F, LIKENESS_WINDOW)
-        from_noise = 2.0 * noise**2
-        slope = np.sqrt(np.maximum(energy - np.float32(from_noise), 0.0)) * np.float32(0.5)
-        allowed = slope * np.float32(LIKENESS_PX) + np.float32(LIKENESS_PX + noise)
-        return (energy > TEXTURE_OVER_NOISE * from_noise) & (difference < allowed)
+        allowed = ALIKE_U_PX * np.sqrt(self._energy(left, 1, 0))
+        allowed += ALIKE_V_PX * np.sqrt(self._energy(left, 0, 1))
+        return difference < allowed + np.float32(ALIKE_GREY + self._config.image_noise)
 
+    def _founded(self, left: np.ndarray, disparity: np.ndarray) -> np.ndarray:
+        """Whether there is texture, or a large smooth surface that its rim holds in place."""
+        noise_energy = 0.5 * self._config.image_noise**2
+        textured = self._energy(left, 1, 0) > np.float32(TEXTURE_OVER_NOISE * noise_energy)
+        surface = (disparity * np.float32(16.0)).astype(np.int16)
+        cv2.filterSpeckles(surface, 0, SURFACE_PIXELS, SURFACE_STEP)
+        return textured | (surface > 0)
 
-def match_exposure(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The right image with mean and standard deviation of the left one (grey uint8)."""
-    left_mean, left_sigma = (float(x[0, 0]) for x in cv2.meanStdDev(left))
-    right_mean, right_sigma = (float(x[0, 0]) for x in cv2.meanStdDev(right))
-    gain = min(max(left_sigma / max(right_sigma, 1.0), 0.5), 2.0)
-    table = np.arange(256) * gain + (left_mean - gain * right_mean)
-    return cv2.LUT(right, np.clip(np.rint(table), 0, 255).astype(np.uint8))
+    def _energy(self, image: np.ndarray, dx: int, dy: int) -> np.ndarray:
+        """Mean squared gradient (h, w) along one axis beyond the noise's, in (grey per px)^2."""
+        gradient = cv2.Sobel(image, cv2.CV_32F, dx, dy, ksize=1, scale=0.5)
+        energy = cv2.sqrBoxFilter(gradient, cv2.CV_32F, TEXTURE_WINDOW)
+        return np.maximum(energy - np.float32(0.5 * self._config.image_noise**2), np.float32(0.0))
