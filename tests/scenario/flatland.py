@@ -75,6 +75,8 @@ class Flat:
             self._fill(self.cliff, box)
         self.update()
         self.landmarks_m = self._landmarks()
+        draw = np.random.default_rng(len(self.landmarks_m))
+        self.signatures = [draw.bytes(32) for _ in self.landmarks_m]
 
     @staticmethod
     def _fill(mask: np.ndarray, box: Box) -> None:
@@ -147,7 +149,7 @@ class Flatland:
         self.config, self.flat, self.pose = config, flat, flat.start
         self.sees, self.marker_hidden, self.battery_pct = True, False, 80.0
         self.wheel_drop = False
-        self.contacts: list[tuple[float, float]] = []  # (t_s, speed_mps)
+        self.contacts: list[tuple[float, float]] = []  # (t_s, closing speed in m/s)
         self.cliff_entered = False
         self.track: list[SE2] = []  # true poses at 10 Hz, in the flat
         self.states: list[MissionState] = []
@@ -164,6 +166,7 @@ class Flatland:
         self._late: deque[tuple[int, Seen]] = deque()
         self._plans: deque[Planned] = deque()
         self._touched = self._on_cliff = False
+        self._touch_rad = 0.0
         self._tracks: dict[int, int] = {}  # landmark to its track
         self._next_track = 0
 
@@ -282,7 +285,8 @@ class Flatland:
         self._bump = self._bumper()
         if any(self._bump) and not self._touched:
             if not self._charging():
-                self.contacts.append((now_ns / NS, abs(self._v)))
+                closing = self._v * math.cos(self._touch_rad)
+                self.contacts.append((now_ns / NS, max(0.0, closing)))
             self._latch("bump")
         self._touched = any(self._bump)
         ahead = self.pose @ SE2(self.config.robot.radius_m)
@@ -311,6 +315,7 @@ class Flatland:
         if math.hypot(dx[k], dy[k]) * CELL_M > self.config.robot.radius_m + 0.002:
             return False, False
         bearing = math.remainder(math.atan2(dy[k], dx[k]) - self.pose.yaw_rad, 2 * math.pi)
+        self._touch_rad = bearing
         return -0.2 < bearing < 1.5, -1.5 < bearing < 0.2
 
     def _charging(self) -> bool:
@@ -349,36 +354,32 @@ class Flatland:
         clear_m = np.where(range_m < MIN_SIGHT_M, 0.0, np.minimum(range_m, MAX_SIGHT_M) - 0.05)
         scan = Scan(bearing, np.where(hit, range_m + noise, np.nan), clear_m)
         arrives_ns = now_ns + NS * 15 // 100
-        marks = self._landmarks()
+        marks = self._landmarks(range_m)
         return Seen(
             now_ns, arrives_ns, now_ns // (NS // 10), marks, scan, 1.0, None, self._marker()
         )
 
-    def _landmarks(self) -> tuple[Landmark, ...]:
-        """The landmarks in sight, with the errors of stereo."""
+    def _landmarks(self, reach_m: np.ndarray) -> tuple[Landmark, ...]:
+        """The landmarks in sight, with the errors of stereo; `reach_m` of the scan's rays."""
         at = self.pose.inverse().apply(self.flat.landmarks_m)
         range_m, bearing = np.hypot(at[:, 0], at[:, 1]), np.arctan2(at[:, 1], at[:, 0])
-        near = np.flatnonzero((np.abs(bearing) < 0.55) & (range_m > 0.4) & (range_m < 2.5))
-        free_m = self._cast(self.pose, bearing[near]) if len(near) else np.zeros(0)
-        marks = []
-        for i, clear_m in zip(near.tolist(), free_m.tolist(), strict=True):
-            if clear_m < range_m[i] - 0.03:
-                continue
-            sigma = np.array([0.005 + 0.015 * range_m[i] ** 2, 0.005])
-            noise = self._rng.normal(0.0, 1.0, 2) * sigma
-            signature = np.random.default_rng(i).bytes(32)
-            marks.append(
-                Landmark(
-                    float(range_m[i] + noise[0]),
-                    float(bearing[i] + noise[1]),
-                    np.diag(sigma**2),
-                    signature,
-                    track_id=self._track(i),
-                )
+        ray = np.rint((bearing + FIELD_RAD) / (2 * FIELD_RAD) * (RAYS - 1)).astype(int)
+        near = (np.abs(bearing) < 0.55) & (range_m > 0.4) & (range_m < 2.5)
+        near &= reach_m[ray.clip(0, RAYS - 1)] > range_m - 0.05
+        index = np.flatnonzero(near)
+        sigma = np.stack([0.005 + 0.015 * range_m[index] ** 2, np.full(len(index), 0.005)], axis=1)
+        noise = self._rng.normal(0.0, 1.0, sigma.shape) * sigma
+        self._tracks = {i: t for i, t in self._tracks.items() if near[i]}
+        return tuple(
+            Landmark(
+                float(range_m[i] + noise[k, 0]),
+                float(bearing[i] + noise[k, 1]),
+                np.diag(sigma[k] ** 2),
+                self.flat.signatures[i],
+                track_id=self._track(i),
             )
-        for i in set(self._tracks) - set(near.tolist()):
-            del self._tracks[i]
-        return tuple(marks)
+            for k, i in enumerate(index.tolist())
+        )
 
     def _track(self, landmark: int) -> int:
         """The number under which a landmark is followed while it stays in sight."""
@@ -392,13 +393,14 @@ class Flatland:
         c, s = np.cos(pose.yaw_rad + bearing), np.sin(pose.yaw_rad + bearing)
         field, r = self.flat.seen_m, np.full(len(bearing), 0.01)
         rows, columns = field.shape
-        for _ in range(60):
+        for _ in range(40):
             x = np.clip(((pose.x_m + r * c) / CELL_M).astype(int), 0, columns - 1)
             y = np.clip(((pose.y_m + r * s) / CELL_M).astype(int), 0, rows - 1)
             step = field[y, x]
-            if not (step > 0.006).any():
+            far = step > CELL_M
+            if not far.any():
                 break
-            r = r + np.where(step > 0.006, np.maximum(step, 0.005), 0.0)
+            r = r + np.where(far, step, 0.0)
         return r
 
     def _marker(self) -> Marker | None:
