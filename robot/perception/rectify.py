@@ -9,6 +9,8 @@ from robot.errors import CalibrationError, FrameError
 from robot.geometry.stereo import StereoCamera
 from robot.perception.calibration import Eye, StereoCalibration
 
+MIN_SEEN = 0.9  # of the working image, by both eyes
+
 
 class Rectifier:
     """Lookup tables that undistort, rotate, crop and scale both eyes at once.
@@ -36,7 +38,7 @@ class Rectifier:
         left, right = calibration.left, calibration.right
         self._raw_size = (left.width_px, left.height_px)
         pose = calibration.right_from_left
-        r_left, r_right, p_left, p_right, _, _, _ = cv2.stereoRectify(
+        r_left, r_right, p_left, p_right, _, *seen = cv2.stereoRectify(
             left.matrix,
             left.distortion,
             right.matrix,
@@ -50,8 +52,9 @@ class Rectifier:
         )
         focal, cx, cy = p_left[0, 0], p_left[0, 2], p_left[1, 2]
         baseline = -p_right[0, 3] / p_right[0, 0]
-        sane = np.all(np.isfinite(p_left)) and np.all(np.isfinite(p_right))
-        if not sane or not 0.05 * width_px < focal < 50.0 * width_px or baseline <= 0.0:
+        least = MIN_SEEN * width_px * height_px
+        sane = np.all(np.isfinite(p_left)) and np.all(np.isfinite(p_right)) and baseline > 0.0
+        if not sane or min(width * height for _, _, width, height in seen) < least:
             raise CalibrationError(
                 f"{calibration.name}: the two eyes share no view that can be rectified; "
                 "check distortion and extrinsics, or calibrate again."
