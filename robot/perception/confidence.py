@@ -26,10 +26,10 @@ from robot.messages import DisparityMap
 UNIQUE_PX = 1.0
 TEXTURE_WINDOW = (7, 7)
 LIKENESS_WINDOW = (5, 5)
-TEXTURE_OVER_NOISE = 3.0  # energy of the horizontal gradient beyond the noise's own
-ALIKE_U_PX, ALIKE_V_PX = 1.0, 0.5  # shift allowed along the columns' and the rows' gradient ...
+TEXTURE_OVER_NOISE = 8.0  # energy of the horizontal gradient beyond the noise's own
+ALIKE_U_PX, ALIKE_V_PX = 0.5, 0.25  # shift allowed along the columns' and the rows' gradient ...
 ALIKE_GREY = 1.2  # ... and difference in brightness, beside the noise
-SURFACE_PIXELS = 500
+SURFACE_PIXELS = 250
 SURFACE_STEP = 16  # sixteenths of a pixel between neighbours of one surface
 
 

@@ -23,6 +23,7 @@ UPPER_SHARE = 0.65  # of the tracks are kept for what stands above the floor
 WINDOW_PX = (15, 15)
 STOP = (3, 20, 0.02)  # by count and by epsilon
 CORNER_STOP = (3, 8, 0.03)
+MAX_SHARPEN_PX = 1.5  # a corner that moves farther was another one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +124,9 @@ class Tracker:
         )
         if found is None:
             return np.empty((0, 2), np.float32)
-        return cv2.cornerSubPix(image, found, (3, 3), (-1, -1), CORNER_STOP).reshape(-1, 2)
+        sharp = cv2.cornerSubPix(image, found.copy(), (3, 3), (-1, -1), CORNER_STOP)
+        near = np.abs(sharp - found).max(axis=2, keepdims=True) < MAX_SHARPEN_PX
+        return np.where(near, sharp, found).reshape(-1, 2)
 
 
 class TrackIds:
