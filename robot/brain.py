@@ -106,7 +106,8 @@ class Brain:
         odom_from_base = self._odometry.at(seen.t_ns)
         self._gate.see(seen, odom_from_base)
         if seen.marker is not None:
-            self._sight.see(seen.t_ns, seen.marker, odom_from_base)
+            world_from_base = estimate.world_from_base
+            self._sight.see(seen.t_ns, seen.marker, odom_from_base, world_from_base)
         if estimate.health != "lost":
             self._grid.integrate(estimate.world_from_base, seen.scan)
         self._estimate = estimate

@@ -75,8 +75,8 @@ class Dock(State):
 
     def _face(self, now: Situation) -> Step:
         """Turn to where the map says the dock is, and wait a moment."""
-        bearing = math.atan2(-now.pose.y_m, -now.pose.x_m)
-        error = wrap_angle(bearing - now.pose.yaw_rad)
+        dock = now.pose.inverse() @ (now.sight.world_from_docked or SE2())
+        error = math.atan2(dock.y_m, dock.x_m)
         if abs(error) > 0.08:
             self._phase_ns = now.t_ns
             return Step(Wish(0.0, turn_rate_radps(error, now.robot, 0.8), reason="facing the dock"))
@@ -98,7 +98,8 @@ class Dock(State):
 
     def _docked_from_base(self, now: Situation) -> SE2 | None:
         """Where the robot stands in the frame of the docked pose: x < 0 before the dock."""
-        map_yaw = wrap_angle(now.odom.yaw_rad - now.pose.yaw_rad)  # the docked yaw is 0 in world
+        docked_yaw = (now.sight.world_from_docked or SE2()).yaw_rad
+        map_yaw = wrap_angle(now.odom.yaw_rad - now.pose.yaw_rad + docked_yaw)
         docked = now.sight.docked(now.t_ns, map_yaw, max(0.03, now.yaw_sigma_rad))
         return None if docked is None else docked.inverse() @ now.odom
 

@@ -29,9 +29,13 @@ class DockSight:
         self._sightings: deque[tuple[int, SE2, float, float]] = deque(maxlen=KEEP_SIGHTINGS)
         self.seen_ns: int | None = None
         self.docked_from_marker = SE2(robot.radius_m + UNSEEN_MARKER_M, 0.0, math.pi)
+        self.world_from_docked: SE2 | None = None  # the map's place of the dock, None: unknown
 
-    def see(self, t_ns: int, marker: Marker, odom_from_base: SE2) -> None:
-        """Add a sighting; the pose is that of the time of the frame. Other markers are ignored."""
+    def see(self, t_ns: int, marker: Marker, odom_from_base: SE2, world_from_base: SE2) -> None:
+        """Add a sighting; the poses are those of the time of the frame. Other markers are ignored.
+
+        The first sighting tells the map where the dock is, if the robot did not start on it.
+        """
         if marker.marker_id != self._marker_id:
             return
         var_m2 = max(MIN_SIGMA_M**2, 0.5 * float(marker.cov[0, 0] + marker.cov[1, 1]))
@@ -41,6 +45,9 @@ class DockSight:
             return
         self.seen_ns = t_ns
         self._sightings.append((t_ns, pose, 1.0 / var_m2, 1.0 / var_rad2))
+        if self.world_from_docked is None:
+            world_from_marker = world_from_base @ marker.base_from_marker
+            self.world_from_docked = world_from_marker @ self.docked_from_marker.inverse()
 
     def forget(self) -> None:
         """Drop the sightings, keep the dock's shape."""

@@ -18,7 +18,7 @@ LAST_LEG_M = 0.5  # blocked so near the end: it is the place itself that is take
 
 
 class Return(State):
-    """Drives to `staging_m` before the docked pose, which is the origin of the world."""
+    """Drives to `staging_m` before the docked pose."""
 
     name = "return"
     leaves_trail = True
@@ -38,6 +38,8 @@ class Return(State):
         self._order(now)
 
     def tick(self, now: Situation) -> Step:
+        if now.sight.world_from_docked is None:
+            return give_up("the dock has not been seen yet, carry the robot there")
         if seconds(self._since_ns or 0, now.t_ns) > TIMEOUT_S:
             return give_up(f"no way back to the dock was found in {TIMEOUT_S:.0f} s")
         if self._drive is None and not now.desk.waiting:
@@ -62,7 +64,7 @@ class Return(State):
 
     def _goal(self, now: Situation) -> SE2:
         ahead_m = now.config.staging_m + STAGES_M[self._stage % len(STAGES_M)]
-        return SE2(-ahead_m, 0.0, 0.0)
+        return (now.sight.world_from_docked or SE2()) @ SE2(-ahead_m)
 
     def _order(self, now: Situation) -> None:
         self._drive = None

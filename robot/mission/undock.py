@@ -25,6 +25,7 @@ class Undock(State):
         self._since_ns = now.t_ns
         if self._docked is None:  # a pause on the way changes nothing
             self._docked = now.odom
+            now.sight.world_from_docked = now.pose
 
     def tick(self, now: Situation) -> Step:
         if seconds(self._since_ns, now.t_ns) > TIMEOUT_S:

@@ -279,7 +279,7 @@ class Flatland:
             if lack <= 0.0 or far[k] == 0.0:
                 break
             x, y = x + dx[k] / far[k] * lack, y + dy[k] / far[k] * lack
-        return SE2(x * CELL_M, y * CELL_M, pose.yaw_rad)
+        return SE2(float(x) * CELL_M, float(y) * CELL_M, pose.yaw_rad)
 
     def _feel(self, now_ns: int) -> None:
         self._bump = self._bumper()

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from flatland import Flat, Flatland, NoLog, one_room, small_flat
+from flatland import Flatland, NoLog, one_room, small_flat
 
 from robot.brain import Brain
 from robot.config import Config, ControlConfig, MissionConfig
@@ -216,9 +216,18 @@ def test_lifted_wheels_stop_everything_until_they_are_down_again():
     assert max(speeds_between(body, 24.5, 30.0)) > 0.1
 
 
-def test_a_start_away_from_the_dock_looks_around_first():
-    flat = Flat(2.0, 1.6, [], SE2(0.27, 0.8, math.pi))
-    body = Flatland(Config(), flat, 0, duration_s=12.0)
-    body.pose = SE2(1.0, 0.8, 0.0)
+def test_a_start_away_from_the_dock_looks_around_and_still_finds_the_dock():
+    requests = [(0.5, "start"), (12.0, "dock")]
+    body = Flatland(Config(), one_room(), 0, duration_s=60.0, requests=requests)
+    body.pose = SE2(1.2, 0.9, 0.3)
     run(body, Brain(Config()), NoLog())
     assert body.phases[:4] == ["idle", "starting", "look", "clean"]
+    assert body.docked, reasons(body)
+
+
+def test_a_robot_that_never_saw_its_dock_says_so_when_it_shall_return():
+    requests = [(0.5, "start"), (12.0, "dock")]
+    body = Flatland(Config(), one_room(), 0, duration_s=60.0, requests=requests)
+    body.pose, body.marker_hidden = SE2(1.2, 0.9, 0.3), True
+    run(body, Brain(Config()), NoLog())
+    assert body.phases[-1] == "error" and "not been seen" in body.states[-1].reason
