@@ -34,8 +34,8 @@ class Exposure:
         disparity = disparity_px[::STEP_PX, ::STEP_PX]
         row, column = np.nonzero(np.isfinite(disparity))
         place = STEP_PX * column - np.rint(disparity[row, column]).astype(int)
-        row, column, place = (index[place >= 0] for index in (STEP_PX * row, STEP_PX * column, place))
-        here, there = left[row, column], right[row, place]
+        row, column, place = (index[place >= 0] for index in (row, column, place))
+        here, there = left[STEP_PX * row, STEP_PX * column], right[STEP_PX * row, place]
         usable = (np.minimum(here, there) >= MIN_GREY) & (np.maximum(here, there) <= MAX_GREY)
         if self._gain is None or np.count_nonzero(usable) < MIN_PIXELS:
             return

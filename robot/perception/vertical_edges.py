@@ -21,7 +21,7 @@ MAX_BOX_PX = 6
 MIN_GRADIENT = 1.5  # times the noise, grey levels per pixel
 SAMPLES = 24  # rows looked at when a line is placed in an image
 REACH_PX = 3.0
-STEP_PX = 0.5
+STEP_PX = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +120,7 @@ def place_lines(
     map_v = map_v.reshape(-1, len(steps)).astype(np.float32)
     if not len(map_u):
         return np.empty(0), np.empty(0)
-    seen = cv2.remap(gradient, map_u, map_v, cv2.INTER_LINEAR).reshape(len(u), SAMPLES, -1)
+    seen = cv2.remap(gradient, map_u, map_v, cv2.INTER_CUBIC).reshape(len(u), SAMPLES, -1)
     profile = seen.mean(axis=1) * lines.sign[:, None]
     best = np.argmax(profile, axis=1)
     each = np.arange(len(best))
