@@ -110,9 +110,10 @@ def test_something_new_in_the_way_is_driven_round_softly():
             max(boxes, key=lambda b: math.hypot(b[0] - body.pose.x_m, b[1] - body.pose.y_m))
         )
 
-    body, _ = live(one_room(), seed=2, duration_s=400, at=[(20.0, put)])
+    requests = [(0.5, "start"), (90.0, "dock")]
+    body, _ = live(one_room(), seed=2, duration_s=200, requests=requests, at=[(20.0, put)])
     assert body.docked, reasons(body)
-    assert body.covered_pct >= 85.0
+    assert body.covered_pct >= 50.0
     assert all(v <= 0.15 for _, v in body.contacts)
 
 
