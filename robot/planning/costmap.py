@@ -19,6 +19,7 @@ from robot.messages import Grid
 
 PLAN_CELL_M = 0.025
 _ESCAPE_M = 0.6  # how far the robot may stand from the nearest place where it fits
+_BESIDE_M = 0.05  # a robot on an edge is often a little nearer to the wall than planned
 _SMALL_PLACE_M2 = 0.5  # of centres: what lies behind a tight gap must be larger
 _POCKET_M2 = 0.01  # unknown specks inside free floor are floor
 
@@ -32,6 +33,7 @@ class Space:
     clearance_m: np.ndarray  # float32: to the nearest occupied cell's edge
     need_m: float  # clearance that the centre needs
     shy_m: float  # distance of the centre from unknown floor
+    matter: np.ndarray  # bool: occupied
     free: np.ndarray  # bool: known and free
     unknown: np.ndarray  # bool
     drivable: np.ndarray  # bool: reachable robot centres
@@ -39,7 +41,7 @@ class Space:
     floor: np.ndarray  # bool: what the brush reaches from them
     uncovered: np.ndarray  # bool: reachable floor not swept yet
     start: np.ndarray  # (2,) cells: where the robot is
-    entry: np.ndarray  # (2,) cells: nearest reachable centre
+    entry: np.ndarray  # (2,) cells: the start, or the nearest reachable centre if it is off
     heading_rad: float
 
     def to_world(self, points: np.ndarray) -> np.ndarray:
@@ -69,6 +71,8 @@ def distance_m(blocked: np.ndarray, cell_m: float) -> np.ndarray:
         return np.full(blocked.shape, 1e3, np.float32)
     clear = np.where(blocked, 0, 255).astype(np.uint8)
     cells = cv2.distanceTransform(clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    # Squared distances are whole numbers; the last bit of cv2's root depends on where memory lies.
+    cells = np.sqrt(np.rint(cells * cells))
     return (cells - 0.5) * np.float32(cell_m)
 
 
@@ -149,6 +153,7 @@ def build_space(
         clearance,
         need_m,
         planning.unknown_clearance_m,
+        matter,
         ~matter & ~unseen,
         unseen,
         drivable,
@@ -156,7 +161,9 @@ def build_space(
         floor,
         floor & ~swept,
         at,
-        np.array(entry, float),
+        at
+        if math.hypot(entry[0] - at[0], entry[1] - at[1]) <= _BESIDE_M / cell_m
+        else np.array(entry, float),
         here.yaw_rad,
     )
 

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from robot.config import PlanningConfig, RobotConfig
+from robot.planning.areas import label_areas
 from robot.planning.costmap import Space
 from robot.planning.edges import Chain, edge_chains, paint
 from robot.planning.frontier import look_route
@@ -34,9 +35,10 @@ def plan_coverage(space: Space, planning: PlanningConfig, robot: RobotConfig) ->
     todo = worthwhile(space, space.uncovered, planning)
     remaining_m2 = space.area_m2(todo)
     lattice = Lattice(space, planning.soft_clearance_m)
-    pieces = work_pieces(space, todo, planning, robot) if remaining_m2 > 0.0 else []
+    areas = label_areas(space)
+    pieces = work_pieces(space, todo, areas, planning, robot) if remaining_m2 > 0.0 else []
     horizon = planning.horizon_m / space.cell_m if planning.horizon_m > 0.0 else np.inf
-    lines = tour(space, lattice, pieces, planning, horizon)
+    lines = tour(space, lattice, pieces, areas, planning, horizon)
     reason = f"sweep {remaining_m2:.1f} m2"
     at = lines[-1][-1] if lines else space.entry
     whole = len(lines) == len(pieces)
@@ -64,17 +66,21 @@ def worthwhile(space: Space, mask: np.ndarray, planning: PlanningConfig) -> np.n
 
 
 def work_pieces(
-    space: Space, todo: np.ndarray, planning: PlanningConfig, robot: RobotConfig
+    space: Space,
+    todo: np.ndarray,
+    areas: np.ndarray,
+    planning: PlanningConfig,
+    robot: RobotConfig,
 ) -> list[Chain | Cell]:
     """Edge chains, the cells of lanes inside them, and short lanes over what both leave."""
-    chains, inside = edge_chains(space, todo, robot.brush_width_m)
+    chains, inside = edge_chains(space, todo, areas, robot.brush_width_m)
     rules = lane_rules(space, planning, robot.brush_width_m)
     pieces: list[Chain | Cell] = list(chains)
     left = worthwhile(space, inside, planning)
     for _ in range(2):
         if not left.any():
             break
-        cells = lane_cells(space, left, rules)
+        cells = lane_cells(space, left, areas, rules)
         pieces += cells
         mask = left.astype(np.uint8)
         for cell in cells:

@@ -23,14 +23,24 @@ _NEW_SHARE = 0.2  # a piece is worth driving if it sweeps this share of its leng
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """A polyline (n, 2) in cells; a closed one begins anywhere (its last point is the first)."""
+    """A polyline (n, 2) in cells; a closed one begins anywhere (its last point is the first).
+
+    `gain` is how many cells it sweeps that nothing before it swept.
+    """
 
     points: np.ndarray
     closed: bool
+    area: int
+    gain: int
 
 
-def edge_chains(space: Space, todo: np.ndarray, brush_m: float) -> tuple[list[Chain], np.ndarray]:
-    """Chains along matter that sweep cells of `todo`, and what of `todo` they leave over."""
+def edge_chains(
+    space: Space, todo: np.ndarray, areas: np.ndarray, brush_m: float
+) -> tuple[list[Chain], np.ndarray]:
+    """Chains along matter that sweep cells of `todo`, and what of `todo` they leave over.
+
+    A chain stays in one of the `areas` (int32 labels of the space's shape).
+    """
     left = todo.astype(np.uint8)
     chains: list[Chain] = []
     contours, _ = cv2.findContours(
@@ -40,7 +50,7 @@ def edge_chains(space: Space, todo: np.ndarray, brush_m: float) -> tuple[list[Ch
     for contour in sorted(contours, key=len, reverse=True):
         if len(contour) >= 4:
             points, real = _on_level(space, gradient, contour[:, 0, :].astype(float))
-            chains += _useful(space, points, real, left, brush_m)
+            chains += _useful(space, points, real, left, areas, brush_m)
     return chains, left > 0
 
 
@@ -94,63 +104,68 @@ def _smooth(points: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _useful(
-    space: Space, points: np.ndarray, real: np.ndarray, left: np.ndarray, brush_m: float
+    space: Space,
+    points: np.ndarray,
+    real: np.ndarray,
+    left: np.ndarray,
+    areas: np.ndarray,
+    brush_m: float,
 ) -> list[Chain]:
     """Cut a contour into chains that sweep something; paints what they sweep out of `left`."""
     width = brush_m / space.cell_m
     size = max(1, round(_PIECE_M / space.cell_m))
-    starts = list(range(0, len(points), size))
-    useful = np.zeros(len(starts), bool)
-    new_cells = _NEW_SHARE * width * size
-    for k, i in enumerate(starts):
-        index = np.arange(i, min(i + size, len(points)) + 1) % len(points)
-        if real[index].mean() < 0.5:
-            continue
-        piece = points[index]
-        x0, y0 = np.maximum(np.floor(piece.min(axis=0) - width).astype(int), 0)
-        x1, y1 = np.ceil(piece.max(axis=0) + width).astype(int) + 1
-        part = left[y0:y1, x0:x1]
-        before = int(np.count_nonzero(part))
-        if before < new_cells:
-            continue
-        after = part.copy()
-        paint(after, piece - (x0, y0), width)
-        if before - int(np.count_nonzero(after)) >= new_cells * (len(index) - 1) / size:
-            useful[k] = True
-            part[...] = after
+    pieces = [
+        np.arange(i, min(i + size, len(points)) + 1) % len(points)
+        for i in range(0, len(points), size)
+    ]
+    least = _NEW_SHARE * width
+    gain = np.zeros(len(pieces), int)
+    for k, index in enumerate(pieces):
+        if real[index].mean() >= 0.5:
+            gain[k] = _swept(left, points[index], width, least * (len(index) - 1))
+    middles = np.rint(points[[index[len(index) // 2] for index in pieces]]).astype(int)
+    labels = areas[middles[:, 1], middles[:, 0]]
     chains = []
-    bridge = max(1, round(_BRIDGE_M / _PIECE_M))
-    for first, last in _runs(useful, bridge):
-        if last - first >= len(starts):
-            chains.append(Chain(simplified(np.vstack([points, points[:1]]), _LINE_CELLS), True))
-            continue
-        index = np.arange(starts[first], starts[first] + (last - first) * size + 1) % len(points)
-        if last > len(starts):  # the run goes over the contour's seam, whose piece may be short
-            index = np.concatenate(
-                [
-                    np.arange(starts[first], len(points)),
-                    np.arange(0, (last - len(starts)) * size + 1),
-                ]
-            ) % len(points)
-        chains.append(Chain(simplified(points[index], _LINE_CELLS), False))
+    for run in _runs(gain > 0, labels, max(1, round(_BRIDGE_M / _PIECE_M))):
+        closed = len(run) == len(pieces)
+        index = np.concatenate([pieces[run[0]][:1], *(pieces[k][1:] for k in run)])
+        line = simplified(points[index], _LINE_CELLS)
+        chains.append(Chain(line, closed, int(labels[run[0]]), int(gain[run].sum())))
     return chains
 
 
-def _runs(useful: np.ndarray, bridge: int) -> list[tuple[int, int]]:
-    """Half-open runs of True on a ring, gaps of up to `bridge` closed; (0, n) is the whole ring."""
+def _swept(left: np.ndarray, piece: np.ndarray, width: float, least: float) -> int:
+    """Cells that a piece sweeps anew, painted out of `left`; 0, and no change, below `least`."""
+    x0, y0 = np.maximum(np.floor(piece.min(axis=0) - width).astype(int), 0)
+    x1, y1 = np.ceil(piece.max(axis=0) + width).astype(int) + 1
+    part = left[y0:y1, x0:x1]
+    before = int(np.count_nonzero(part))
+    if before < least:
+        return 0
+    after = part.copy()
+    paint(after, piece - (x0, y0), width)
+    new = before - int(np.count_nonzero(after))
+    if new < least:
+        return 0
+    part[...] = after
+    return new
+
+
+def _runs(useful: np.ndarray, labels: np.ndarray, bridge: int) -> list[np.ndarray]:
+    """Runs of useful pieces of one label on a ring, as piece numbers; short gaps are bridged."""
     n = len(useful)
     on = np.flatnonzero(useful)
     if len(on) == 0:
         return []
-    gaps = np.diff(np.append(on, on[0] + n)) - 1
-    breaks = np.flatnonzero(gaps > bridge)
+    after = np.append(on[1:], on[0] + n)
+    breaks = np.flatnonzero((after - on - 1 > bridge) | (labels[after % n] != labels[on]))
     if len(breaks) == 0:
-        return [(0, n)]
+        return [np.arange(n)]
     runs = []
     for i, b in enumerate(breaks):
         first = int(on[(b + 1) % len(on)])
-        last = int(on[breaks[(i + 1) % len(breaks)]]) + 1
-        runs.append((first, last if last > first else last + n))
+        last = int(on[breaks[(i + 1) % len(breaks)]])
+        runs.append(np.arange(first, last + 1 + (n if last < first else 0)) % n)
     return runs
 
 

@@ -7,6 +7,7 @@ granularity of lanes). The direction of a region is the one with the lower cost.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -16,14 +17,20 @@ from robot.config import PlanningConfig
 from robot.planning.costmap import Space
 
 _NECK_M = 0.35  # regions joined by less than this are swept apart
+_HABIT = 1.15
 _BRIDGE_M = 0.40  # swept gaps in a lane shorter than this are driven through
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cell:
-    """Runs of lane (n, 2, 2) in cells, in sweeping order; each from its low to its high end."""
+    """Runs of lane (n, 2, 2) in cells, in sweeping order; each from its low to its high end.
+
+    `gain` is how many cells they sweep.
+    """
 
     runs: np.ndarray
+    area: int
+    gain: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +42,7 @@ class LaneRules:
     bridge: int
     turn: float
     least_gain: int
+    slack: float
 
 
 def lane_rules(space: Space, planning: PlanningConfig, brush_m: float) -> LaneRules:
@@ -46,11 +54,19 @@ def lane_rules(space: Space, planning: PlanningConfig, brush_m: float) -> LaneRu
         round(_BRIDGE_M / space.cell_m),
         planning.turn_cost_m / space.cell_m,
         max(1, round(0.5 * planning.min_patch_m2 / space.cell_m**2)),
+        planning.lane_overlap_m / space.cell_m,
     )
 
 
-def lane_cells(space: Space, todo: np.ndarray, rules: LaneRules) -> list[Cell]:
-    """Cells whose lanes sweep `todo` from reachable centres."""
+def lane_cells(space: Space, todo: np.ndarray, areas: np.ndarray, rules: LaneRules) -> list[Cell]:
+    """Cells whose lanes sweep `todo` from reachable centres, each in one of the `areas`."""
+    cells: list[Cell] = []
+    for area in np.unique(areas[todo]):
+        cells += _area_cells(space, todo & (areas == area), int(area), rules)
+    return cells
+
+
+def _area_cells(space: Space, todo: np.ndarray, area: int, rules: LaneRules) -> list[Cell]:
     cells: list[Cell] = []
     labels, count = regions(todo, _NECK_M / space.cell_m)
     for label in range(1, count):
@@ -62,12 +78,16 @@ def lane_cells(space: Space, todo: np.ndarray, rules: LaneRules) -> list[Cell]:
         box = (slice(y0, ys.max() + margin + 1), slice(x0, xs.max() + margin + 1))
         corner = np.array([x0, y0], float)
         part, centres = labels[box] == label, space.centres[box]
-        rows = _lanes(part, centres, rules)
-        columns = _lanes(part.T, centres.T, rules)
-        if _cost(columns, rules) < _cost(rows, rules):
-            cells += [Cell(c.runs[:, :, ::-1] + corner) for c in _grouped(columns, rules)]
-        else:
-            cells += [Cell(c.runs + corner) for c in _grouped(rows, rules)]
+        here = space.entry - corner
+        rows = _lanes(part, centres, float(here[1]), rules)
+        columns = _lanes(part.T, centres.T, float(here[0]), rules)
+        # Whoever has begun in one direction goes on in it unless the other is clearly better.
+        habit = _habit(here, space.heading_rad, part.shape, rules)
+        turned = habit * _cost(columns, rules) < _cost(rows, rules)
+        for runs in _grouped(columns if turned else rows):
+            ends = np.stack([runs[:, [1, 0]], runs[:, [2, 0]]], axis=1)
+            ends = (ends[:, :, ::-1] if turned else ends) + corner
+            cells.append(Cell(ends, area, int(runs[:, 3].sum())))
     return cells
 
 
@@ -94,37 +114,57 @@ def regions(todo: np.ndarray, neck: float) -> tuple[np.ndarray, int]:
     return labels, core_count + rest_count - 1
 
 
-def _lanes(part: np.ndarray, centres: np.ndarray, rules: LaneRules) -> list[np.ndarray]:
-    """Runs (n, 3) of each row lane over `part`: y, first x, last x."""
+def _habit(here: np.ndarray, heading: float, shape: tuple[int, int], rules: LaneRules) -> float:
+    """Weight of columns against rows, from the heading of a robot in or beside the region."""
+    high, wide = shape
+    margin = rules.brush
+    if not (-margin <= here[0] < wide + margin and -margin <= here[1] < high + margin):
+        return 1.0
+    along = abs(math.cos(heading))
+    if along > 0.9:
+        return _HABIT
+    return 1.0 / _HABIT if along < 0.44 else 1.0
+
+
+def _lanes(
+    part: np.ndarray, centres: np.ndarray, here: float, rules: LaneRules
+) -> list[np.ndarray]:
+    """Runs (n, 4) of each row lane over `part`: y, first x, last x, cells swept.
+
+    Lanes are counted from the side that is nearer to the robot's row `here`, so that they lie
+    where they lay in the plan before; only the last one may overlap more.
+    """
     rows = np.flatnonzero(part.any(axis=1))
     low, high = int(rows[0]), int(rows[-1]) + 1
-    count = max(1, int(np.ceil((high - low) / rules.spacing - 1e-6)))
-    lanes = []
+    # A region reaches into the edge strips around it by more than the slack.
+    count = max(1, math.ceil((high - low - rules.slack) / rules.spacing))
     half = rules.brush / 2.0
-    for k in range(count):
-        y = low + (k + 0.5) * (high - low) / count - 0.5
-        row = round(y)
-        band = part[max(0, int(np.ceil(y - half))) : int(np.floor(y + half)) + 1]
-        gain = np.count_nonzero(band, axis=0)
-        drive = _nearest_row(centres, row)
-        lanes.append(_runs_of_lane(gain, centres[drive], drive, rules))
+    inset = half - (rules.brush - rules.spacing) / 2.0
+    first, last = low + inset - 0.5, high - inset - 0.5
+    if count == 1:
+        middles = [(first + last) / 2.0]
+    elif here - low <= high - here:
+        middles = [min(first + k * rules.spacing, last) for k in range(count)]
+    else:
+        middles = [max(last - k * rules.spacing, first) for k in range(count)][::-1]
+    lanes = []
+    for y in middles:
+        row = min(max(round(y), 0), len(part) - 1)
+        band = part[max(0, math.ceil(y - half)) : math.floor(y + half) + 1]
+        lanes.append(_runs_of_lane(np.count_nonzero(band, axis=0), centres[row], row, rules))
     return lanes
-
-
-def _nearest_row(centres: np.ndarray, row: int) -> int:
-    return min(max(row, 0), centres.shape[0] - 1)
 
 
 def _runs_of_lane(gain: np.ndarray, fits: np.ndarray, row: int, rules: LaneRules) -> np.ndarray:
     """Join the columns to sweep into runs through fitting cells."""
     on = np.flatnonzero((gain > 0) & fits)
     if len(on) == 0:
-        return np.zeros((0, 3))
+        return np.zeros((0, 4))
     blocked = np.concatenate([[0], np.cumsum(~fits)])
     split = (np.diff(on) > rules.bridge) | (blocked[on[1:]] != blocked[on[:-1]])
     cuts = np.flatnonzero(split) + 1
     groups = [g for g in np.split(on, cuts) if gain[g].sum() >= rules.least_gain]
-    return np.array([(row, g[0], g[-1]) for g in groups], float).reshape(-1, 3)
+    return np.array([(row, g[0], g[-1], gain[g].sum()) for g in groups], float).reshape(-1, 4)
 
 
 def _cost(lanes: list[np.ndarray], rules: LaneRules) -> float:
@@ -135,7 +175,7 @@ def _cost(lanes: list[np.ndarray], rules: LaneRules) -> float:
     return float((runs[:, 2] - runs[:, 1]).sum() + len(runs) * (2.0 * rules.turn + rules.spacing))
 
 
-def _grouped(lanes: list[np.ndarray], rules: LaneRules) -> list[Cell]:
+def _grouped(lanes: list[np.ndarray]) -> list[np.ndarray]:
     """Chain runs of neighbouring lanes that overlap one to one."""
     open_cells: list[list[np.ndarray]] = []
     done: list[list[np.ndarray]] = []
@@ -156,9 +196,4 @@ def _grouped(lanes: list[np.ndarray], rules: LaneRules) -> list[Cell]:
             if not (len(owners[k]) == 1 and len(overlaps[owners[k][0]]) == 1):
                 going.append([run])
         open_cells = going
-    cells = []
-    for cell in done + open_cells:
-        runs = np.array(cell)
-        ends = np.stack([runs[:, [1, 0]], runs[:, [2, 0]]], axis=1)
-        cells.append(Cell(ends))
-    return cells
+    return [np.array(cell) for cell in done + open_cells]

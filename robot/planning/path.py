@@ -38,7 +38,9 @@ class Lattice:
         x = np.rint(np.linspace(a[0], b[0], n)).astype(int)
         y = np.rint(np.linspace(a[1], b[1], n)).astype(int)
         need = self._space.need_m - self._tolerance_m if need_m is None else need_m
-        if not (self._space.clearance_m[y, x] >= need).all():
+        room = self._space.clearance_m[y, x]
+        # Whoever begins too near to matter may leave, but not come nearer.
+        if not ((room >= need) | (room >= room[0]) & (room[0] < need)).all():
             return False
         return not self._space.unknown[y, x].any()
 

@@ -19,6 +19,7 @@ from robot.planning.lanes import Cell
 from robot.planning.path import Lattice
 
 _LANES_LATER_M = 0.4
+_JOIN_M = 0.30  # a way that begins within this may be joined as far along it
 _SLACK_M = 0.8  # how much farther than the nearest entry others are still compared
 
 
@@ -26,15 +27,15 @@ def tour(
     space: Space,
     lattice: Lattice,
     pieces: Sequence[Chain | Cell],
+    areas: np.ndarray,
     planning: PlanningConfig,
     horizon: float,
 ) -> list[np.ndarray]:
     """Polylines (n, 2) in cells that lead from the robot through every reachable piece in turn.
 
-    The last one is cut where `horizon` cells have been driven: an edge, seen from afar, is only a
-    guess, so its length counts twice.
+    The last one is cut where `horizon` cells have been driven.
     """
-    return _Tour(space, lattice, pieces, planning).lines(horizon)
+    return _Tour(space, lattice, pieces, areas, planning).lines(horizon)
 
 
 class _Tour:
@@ -43,14 +44,21 @@ class _Tour:
         space: Space,
         lattice: Lattice,
         pieces: Sequence[Chain | Cell],
+        areas: np.ndarray,
         planning: PlanningConfig,
     ) -> None:
+        self._pieces = pieces
+        self._areas = areas
         self._lattice = lattice
         self._space = space
         self._turn = planning.turn_cost_m / space.cell_m / (math.pi / 2.0)
         self._later = _LANES_LATER_M / space.cell_m
         self._slack = _SLACK_M / space.cell_m
+        self._reward = math.inf  # cells of way for a cell of floor
+        if planning.worth_m2_per_m > 0.0:
+            self._reward = space.cell_m / planning.worth_m2_per_m
         self._ways = [_ways(piece) for piece in pieces]
+        self._join(space.entry, space.heading_rad)
         self._cells = {i for i, p in enumerate(pieces) if isinstance(p, Cell)}
         self._later_of = [self._later if isinstance(p, Cell) else 0.0 for p in pieces]
         self._entries: dict[int, list[tuple[int, int]]] = {}
@@ -59,18 +67,35 @@ class _Tour:
                 node = lattice.node_at(way[0])
                 self._entries.setdefault(node, []).append((i, w))
 
+    def _join(self, at: np.ndarray, heading: float) -> None:
+        """Let ways that begin beside the robot begin abreast of it: turning back costs more."""
+        reach = _JOIN_M / self._space.cell_m
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        for ways in self._ways:
+            for w, way in enumerate(ways):
+                leg = way[1] - way[0]
+                far = math.hypot(*leg)
+                if far < 1.0 or math.hypot(*(way[0] - at)) > reach or leg @ ahead < 0.3 * far:
+                    continue
+                abreast = float((at - way[0]) @ leg) / far
+                if 0.0 < abreast < far - 0.5:
+                    ways[w] = np.vstack([way[0] + leg * (abreast / far), way[1:]])
+
     def lines(self, horizon: float) -> list[np.ndarray]:
         at, heading = self._space.entry, self._space.heading_rad
+        area = int(self._areas[int(at[1]), int(at[0])])
         left = set(range(len(self._ways)))
-        lines = []
+        lines: list[np.ndarray] = []
         while left and horizon > 0.0:
-            found = self._next(at, heading, left)
+            # An area is finished before the next is begun.
+            here = {i for i in left if self._pieces[i].area == area}
+            found = self._next(at, heading, here) or self._next(at, heading, left, trip=True)
             if found is None:
                 break
             piece, way, approach = found
+            area = self._pieces[piece].area
             line = self._driven(approach, self._ways[piece][way], piece in self._cells)
-            weight = 1.0 if piece in self._cells else 1.0
-            line, horizon = _cut(line, horizon, weight)
+            line, horizon = _cut(line, horizon)
             lines.append(line)
             left.discard(piece)
             at = line[-1]
@@ -79,17 +104,23 @@ class _Tour:
         return lines
 
     def _next(
-        self, at: np.ndarray, heading: float, left: set[int]
+        self, at: np.ndarray, heading: float, left: set[int], trip: bool = False
     ) -> tuple[int, int, np.ndarray] | None:
-        """The cheapest piece, its way, and the route to its entry."""
+        """The cheapest piece of `left`, its way, and the route to its entry; None: no way.
+
+        For a `trip` to another area the work there must be worth the way.
+        """
+        if not left:
+            return None
         best: tuple[float, int, int, int] | None = None
+        reward = self._reward_of_areas(left) if trip else {}
 
         def stop(node: int, cost: float) -> bool:
             nonlocal best
             if best is not None and cost > best[0] + self._slack:
                 return True
             for piece, way in self._entries.get(node, ()):
-                if piece not in left:
+                if piece not in left or cost > reward.get(self._pieces[piece].area, math.inf):
                     continue
                 line = self._ways[piece][way]
                 to_entry = line[0] - at
@@ -115,6 +146,13 @@ class _Tour:
             return piece, way, np.array([at, entry])
         return piece, way, self._lattice.pulled(at, self._lattice.trace(parent, node), entry)
 
+    def _reward_of_areas(self, left: set[int]) -> dict[int, float]:
+        """How far, in cells, one may drive for the work that is left in each area."""
+        gain: dict[int, int] = {}
+        for i in left:
+            gain[self._pieces[i].area] = gain.get(self._pieces[i].area, 0) + self._pieces[i].gain
+        return {area: cells * self._reward for area, cells in gain.items()}
+
     def _driven(self, approach: np.ndarray, way: np.ndarray, links: bool) -> np.ndarray:
         """Approach and way in one line; `links` between runs that are not clear go round."""
         points = list(approach[:-1])
@@ -127,9 +165,9 @@ class _Tour:
         return np.array(points)
 
 
-def _cut(line: np.ndarray, horizon: float, weight: float) -> tuple[np.ndarray, float]:
+def _cut(line: np.ndarray, horizon: float) -> tuple[np.ndarray, float]:
     """The line up to the first point beyond `horizon`, and what is left of the horizon."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))]) * weight
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     last = int(np.searchsorted(along, horizon))
     if last >= len(line):
         return line, horizon - float(along[-1])

@@ -164,6 +164,7 @@ class Cleaner:
         self.track: list[tuple[float, float, float, float]] = []
         self.collisions = 0
         self.blocked = False
+        self.replan_s = math.inf
         self.plan_index: list[int] = []  # of the track, where each plan came
         self.bumps: list[tuple[float, float, float, float, float]] = []
 
@@ -216,6 +217,8 @@ class Cleaner:
                 if self.tick % 20 == 0:
                     grown_m2 = (self.free_cells() - free) * self.mapping.resolution_m**2
                     if grown_m2 >= 1.5 and self.t_s - began_s >= 20.0:
+                        return False
+                    if self.t_s - began_s >= self.replan_s:
                         return False
                     if self._meets_matter(points[i : i + 8]):
                         return False
@@ -301,7 +304,7 @@ class Cleaner:
                 finished = True
                 break
             self.plan_index.append(len(self.track))
-            for _ in range(10):  # an answer takes its time
+            for _ in range(1 if self.replan_s < 20 else 10):  # an answer takes its time
                 self.step(0.0, 0.0)
             self.follow(answer.path)
         track = np.array(self.track)
