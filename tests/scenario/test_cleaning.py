@@ -3,7 +3,8 @@
 import math
 
 import pytest
-from flatland import Flatland, NoLog, one_room, small_flat
+from flat_boxes import one_room, small_flat
+from flatland import Flatland, NoLog
 
 from robot.brain import Brain
 from robot.config import Config, ControlConfig, MissionConfig
