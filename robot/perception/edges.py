@@ -22,7 +22,7 @@ FOLLOW_PX = 7.0
 FOLLOW_SHARE = 0.12  # change of disparity between frames
 FOLLOW_BITS = 70
 MAX_MISSED = 2  # frames that an edge may be hidden before it gets a new number
-LOOK_HEIGHT_M = 0.15  # the description is cut at this height, however long the edge
+LOOK_HEIGHT_M = 0.15  # the description is cut at this height, wherever the edge ends
 MAX_EDGES = 12
 MAX_RANGE_M = 3.0  # beyond, a third of the matches is another edge
 _BITS_SET = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).sum(axis=1)
@@ -72,7 +72,7 @@ class EdgeFinder:
             good = disparity > least
         lines, disparity = lines[good], disparity[good]
         u = lines.at(self._camera.cy_px)
-        look = self._look_at(u, disparity)
+        look = self._look_at(lines, u, disparity)
         width = PATCH_M * disparity / self._camera.baseline_m
         inside = describer.inside(look, width, PATCH_INSIDE)
         sign, u, disparity, look, width = (
@@ -82,11 +82,11 @@ class EdgeFinder:
         track_id, age = self._follow(u, disparity, sign, bits, yaw_rad)
         return self._landmarks(u, disparity, bits, track_id, age)
 
-    def _look_at(self, u: np.ndarray, disparity: np.ndarray) -> np.ndarray:
-        """Pixels (n, 2) on the edges at the height of the description."""
+    def _look_at(self, lines: Lines, u: np.ndarray, disparity: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) on the edges at the height of the description, or as near as is seen."""
         rise = LOOK_HEIGHT_M - self._camera.base_from_cam[2, 3]
         v = self._camera.cy_px - rise * disparity / self._camera.baseline_m
-        return np.stack([u, v], axis=1)
+        return np.stack([u, np.clip(v, lines.top, lines.bottom)], axis=1)
 
     def _landmarks(
         self,

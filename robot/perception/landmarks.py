@@ -15,8 +15,8 @@ PATCH_M = 0.30
 PATCH_INSIDE = 0.7
 MIN_HEIGHT_M = 0.05  # floor texture repeats itself and is seen at a grazing angle
 MIN_DISPARITY_PX = 1.0
-SIGMA_U_PX = 0.5
-SIGMA_D_PX = 0.3
+SIGMA_U_PX = 0.35
+SIGMA_D_PX = 0.2
 SIGMA_D_SHARE = 0.01  # slanted and curved patches, worse when near
 BUCKETS = 10  # columns of the image among which landmarks are spread
 
