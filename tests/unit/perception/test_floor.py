@@ -69,11 +69,12 @@ def test_an_impossible_floor_is_not_followed_beyond_the_limits(height_m: float) 
     assert abs(plane.slope_v / mounted.slope_v - 1.0) <= MAX_HEIGHT_CHANGE + 1e-9
 
 
-def test_walls_and_furniture_do_not_tilt_the_floor() -> None:
+def test_walls_furniture_and_rugs_hardly_tilt_the_floor() -> None:
     floor = Floor(CAMERA)
     for seq, pose in enumerate(DRIVE):
         _, truth = view(seq, pose)
         plane = floor.update(truth, MAX_PX)
-    assert plane.height_m == pytest.approx(0.09, abs=0.001)
+    assert plane.height_m == pytest.approx(0.09, abs=0.002)
     horizon = -plane.offset_px / plane.slope_v
-    assert abs(horizon) < 1.0
+    assert abs(horizon) < 2.0
+    assert abs(plane.slope_u) < 0.02 * plane.slope_v  # 20 mrad: a rug on one side
