@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 import time
 from collections.abc import Callable
@@ -144,22 +145,26 @@ def _live(options: RunOptions, config: Config, observer: Observer, stack: ExitSt
 
 
 def _new_folder(options: RunOptions) -> Path:
-    """Make `out/<time>-<what>` and let `out/latest` point to it."""
+    """Make `out/<time>-<what>` and let `out/latest` point to it; others may run beside."""
     what = f"{Path(options.scene).stem}-{options.seed}" if options.body == "sim" else "live"
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     try:
-        folder = next(
-            path
-            for n in range(100)
-            if not (path := options.out / f"{stamp}-{what}{f'-{n}' if n else ''}").exists()
-        )
-        folder.mkdir(parents=True)
-        latest = options.out / "latest"
-        with suppress(FileNotFoundError):
-            latest.unlink()
-        latest.symlink_to(folder.name)
+        options.out.mkdir(parents=True, exist_ok=True)
+        folder = _make_unique(options.out / f"{stamp}-{what}")
+        link = options.out / f".latest-{folder.name}"
+        link.symlink_to(folder.name)
+        link.replace(options.out / "latest")
     except OSError as error:
         raise SweeperError(
             f"--out {options.out}: cannot be written ({error.strerror}); give a writable folder."
         ) from None
     return folder
+
+
+def _make_unique(wanted: Path) -> Path:
+    for number in itertools.count():
+        folder = wanted.with_name(f"{wanted.name}-{number}") if number else wanted
+        with suppress(FileExistsError):
+            folder.mkdir()
+            return folder
+    raise AssertionError("unreachable")
