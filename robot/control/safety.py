@@ -11,13 +11,14 @@ import math
 from dataclasses import dataclass
 
 from robot.config import ControlConfig, RobotConfig
-from robot.control.limits import Ramp, braking_speed_mps, stopping_distance_m
+from robot.control.limits import Ramp, braking_speed_mps, clamp, stopping_distance_m
 from robot.control.sight import Corridor, Sight
 from robot.control.wish import Wish
 from robot.geometry.se2 import SE2
 from robot.messages import Contact, DriveCommand, LinkState, Seen
 
 TURNING_MPS = 0.02  # slower than this is turning in place, which sweeps no floor
+BACK_TURN = 1.9  # of the 2 at which one wheel stands while the other backs
 OPEN = Corridor(math.inf, math.inf)
 
 
@@ -73,6 +74,10 @@ class SafetyGate:
             self._ramp.force(0.0, 0.0)
             return self._order(t_ns, 0.0, 0.0, wish, denied, running=False)
         v, w = self._ramp.step(wish.v_mps, wish.yaw_rate_radps, dt_s)
+        if self._touching():  # neither wheel may push forward
+            v = min(v, 0.0)
+            w = clamp(w, BACK_TURN * -v / self._robot.track_width_m)
+            self._ramp.force(v, w)
         cap_mps, slowed, free_m = self._cap(t_ns, v, w, wish.v_mps, odom_from_base)
         self.verdict = Verdict(slowed=slowed if abs(v) > cap_mps else "", free_m=free_m)
         if abs(v) > cap_mps:
@@ -98,15 +103,24 @@ class SafetyGate:
             return "a wheel hangs in the air"
         if wheels_ns is None or _age_s(t_ns, wheels_ns) > control.wheels_stale_s:
             return "no news from the wheels"
-        if _backs_away(wish):
+        if self._backs_away(wish):
             return ""
         if contact.cliff:
             return "a cliff is ahead, only backing is allowed"
-        if contact.bump_left or contact.bump_right:
+        if self._touching():
             return "the bumper is pressed, only backing is allowed"
         if self._seen_ns is None or _age_s(t_ns, self._seen_ns) > control.seen_stop_s:
             return "nothing has been seen for too long"
         return ""
+
+    def _touching(self) -> bool:
+        contact = self._contact
+        return contact is not None and (contact.bump_left or contact.bump_right or contact.cliff)
+
+    def _backs_away(self, wish: Wish) -> bool:
+        """Neither wheel turns forward: the way out of every contact."""
+        turn_mps = 0.5 * self._robot.track_width_m * abs(wish.yaw_rate_radps)
+        return wish.v_mps < 0.0 and turn_mps <= -wish.v_mps
 
     def _cap(
         self, t_ns: int, v: float, w: float, wished_mps: float, odom_from_base: SE2
@@ -157,8 +171,3 @@ class SafetyGate:
 
 def _age_s(now_ns: int, then_ns: int) -> float:
     return (now_ns - then_ns) * 1e-9
-
-
-def _backs_away(wish: Wish) -> bool:
-    """Straight back: the way out of every contact."""
-    return wish.v_mps < 0.0 and wish.yaw_rate_radps == 0.0

@@ -21,6 +21,7 @@ BACK_MPS = 0.08
 BACK_TIMEOUT_S = 4.0
 TURN_TIMEOUT_S = 4.0
 TURN_DONE_RAD = 0.1
+PIVOT_RADPS, PIVOT_TIMEOUT_S, PIVOT_FREE_S = 0.8, 4.0, 0.2
 MAX_BACK_M = 0.3
 RETRACE_FROM, RETRACE_M = 3, 0.4
 SAYS = {
@@ -60,6 +61,8 @@ class Recover(State):
         self._since_ns = now.t_ns
         self._phase = "clear"
         self._start = now.odom
+        self._pivoted, self._touched_ns = False, now.t_ns
+        self._pivot_way = 1.0 if self._try % 2 else -1.0
         self._turn_to_rad = now.odom.yaw_rad + self._turn_rad(now)
         self._back_m = now.config.back_off_m * (1.0 + 0.5 * (self._try - 1))
         if self._kind == "cliff":
@@ -79,13 +82,36 @@ class Recover(State):
             return Step(halt("waiting for the motor controller"))
         if not self._latch.clear(now, "the stop came again while backing off"):
             return Step(halt("waiting for the motor controller"))
-        if self._phase == "back":
-            if self._start.distance_m(now.odom) >= self._back_m or passed_s > BACK_TIMEOUT_S:
-                self._next(now, "turn")
-            return Step(Wish(-BACK_MPS, 0.0, reason="backing off"))
+        return {"back": self._back, "pivot": self._pivot, "turn": self._turn}[self._phase](now)
+
+    def _back(self, now: Situation) -> Step:
+        passed_s = seconds(self._since_ns, now.t_ns)
+        if self._start.distance_m(now.odom) >= self._back_m or passed_s > BACK_TIMEOUT_S:
+            self._next(now, "pivot" if now.touching else "turn")
+        return Step(Wish(-BACK_MPS, 0.0, reason="backing off"))
+
+    def _pivot(self, now: Situation) -> Step:
+        """Still touching although it backed: something is behind, too. One wheel backs round."""
+        if now.touching:
+            self._touched_ns = now.t_ns
+        passed_s = seconds(self._since_ns, now.t_ns)
+        if seconds(self._touched_ns, now.t_ns) > PIVOT_FREE_S or passed_s > PIVOT_TIMEOUT_S:
+            self._turn_to_rad = now.odom.yaw_rad
+            self._next(now, "turn")
+        if now.contact.bump_left != now.contact.bump_right:
+            self._pivot_way = -1.0 if now.contact.bump_left else 1.0
+        v_mps = -1.1 * PIVOT_RADPS * now.robot.track_width_m / 2.0
+        return Step(Wish(v_mps, self._pivot_way * PIVOT_RADPS, reason="turning out of a corner"))
+
+    def _turn(self, now: Situation) -> Step:
         error = wrap_angle(self._turn_to_rad - now.odom.yaw_rad)
-        held = now.touching or now.contact.cliff
-        if abs(error) < TURN_DONE_RAD or passed_s > TURN_TIMEOUT_S or held:
+        if now.touching and not self._pivoted:
+            self._pivoted = True
+            self._touched_ns = now.t_ns
+            self._next(now, "pivot")
+            return Step(halt("touching again"))
+        late = seconds(self._since_ns, now.t_ns) > TURN_TIMEOUT_S
+        if abs(error) < TURN_DONE_RAD or late or now.touching or now.contact.cliff:
             now.run.trouble_at_m = now.driven_m
             if self._kind == "enclosed" or self._try >= RETRACE_FROM:
                 back = Retrace(RETRACE_M * self._try, self._resume)

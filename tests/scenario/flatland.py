@@ -164,8 +164,8 @@ class Flatland:
         order, dt = self._order, TICK_NS / NS
         fresh = order is not None and now_ns - order.t_ns <= order.valid_for_ms * 1_000_000
         v, w = (order.v_mps, order.yaw_rate_radps) if fresh and not self._stop else (0.0, 0.0)
-        if self._touched and v > 0.0:
-            v = w = 0.0
+        if self._touched and v + 0.5 * self.config.robot.track_width_m * abs(w) > 1e-6:
+            v = w = 0.0  # neither wheel may push forward
         self._v += (v - self._v) * dt / LAG_S
         self._w += (w - self._w) * dt / LAG_S
         wished = self.pose @ exp(self._v * dt, 0.0, self._w * dt)

@@ -92,6 +92,9 @@ def test_at_a_contact_only_backing_slowly_is_left(contact):
     assert run_up(gate_at(contact=contact), Wish(0.0, 1.0)).yaw_rate_radps == 0.0
     back = run_up(gate_at(contact=contact), Wish(-0.25))
     assert back.v_mps == pytest.approx(-CONTROL.back_mps)
+    arc = run_up(gate_at(contact=contact), Wish(-0.1, 0.8))
+    assert arc.v_mps == pytest.approx(-0.1) and arc.yaw_rate_radps == pytest.approx(0.8)
+    assert run_up(gate_at(contact=contact), Wish(-0.05, 0.8)).yaw_rate_radps == 0.0
 
 
 def test_old_frames_slow_then_stop_but_backing_away_stays():
@@ -239,6 +242,9 @@ def test_no_wish_gets_past_the_gate(wishes, contact, wall_m, localised, connecte
             assert not moving or age_ms <= 560
         if wall_m is None or contact.cliff or contact.bump_left or contact.bump_right:
             assert order.v_mps <= 0.0
+        if contact.cliff or contact.bump_left or contact.bump_right:
+            turn_mps = 0.5 * ROBOT.track_width_m * abs(order.yaw_rate_radps)
+            assert order.v_mps + turn_mps <= 1e-12  # neither wheel pushes forward
         if order.v_mps > CONTROL.touch_mps:
             free_m = wall_m - ROBOT.radius_m + 0.005
             assert (
