@@ -71,7 +71,8 @@ class Floor:
 
         Weighted least squares over pixels near the plane of the frame before, remembered over
         about 1 / (1 - FORGET) frames, with the mounting as prior. Without floor in sight the
-        plane falls back towards the mounting.
+        plane falls back towards the mounting. Errors of the mounting of about half a degree or
+        3 mm are learnt; worse ones lie outside the gate and must be corrected in the camera's keys.
         """
         seen = disparity_px[::STEP_PX, ::STEP_PX]
         u, v = np.broadcast_arrays(self._u[None, :], self._v[:, None])

@@ -33,9 +33,9 @@ def disparity(pitch_rad: float, roll_rad: float, height_m: float) -> np.ndarray:
 
 @settings(max_examples=20, deadline=None)
 @given(
-    st.floats(math.radians(-1.0), math.radians(1.0)),
-    st.floats(math.radians(-1.0), math.radians(1.0)),
-    st.floats(0.085, 0.095),
+    st.floats(math.radians(-0.4), math.radians(0.4)),
+    st.floats(math.radians(-0.4), math.radians(0.4)),
+    st.floats(0.087, 0.093),
 )
 def test_a_wrong_mounting_is_learnt(pitch: float, roll: float, height: float) -> None:
     floor = Floor(CAMERA)
