@@ -103,14 +103,15 @@ class SlamConfig(Section):
     gyro_bias_walk: NotNegative = 0.0001  # rad/s per sqrt(s)
     slip_chi2: Positive = 12.0  # above: the wheels turned without the floor
     # association
-    noise_factor: Positive = 2.0  # covariances of landmarks: their errors last for many frames
+    range_noise_factor: Positive = 4.0  # on variances of landmarks, as errors last many frames
+    bearing_noise_factor: Positive = 4.0
     marker_range_m: Positive = 0.9  # farther, a marker looks smaller than it is
     marker_noise_factor: Positive = 4.0
     gate_chi2: Positive = 11.8  # two degrees of freedom
     huber_chi2: Positive = 4.0  # beyond, a sight counts less
     height_gate_m: Positive = 0.05
     height_gate_slope: NotNegative = 0.04  # metres per metre of range
-    max_hamming: Annotated[int, Meta(ge=0, le=256)] = 45  # of 256 bits
+    max_hamming: Annotated[int, Meta(ge=0, le=256)] = 60  # of 256 bits
     hamming_weight: NotNegative = 0.1  # chi2 per bit
     ambiguity: NotNegative = 2.0  # a second choice must cost this much more
     consensus: Count = 4  # agreeing pairs before a landmark is found again
@@ -150,7 +151,8 @@ class MappingConfig(Section):
 class PlanningConfig(Section):
     """Coverage and routes."""
 
-    margin_m: NotNegative = 0.01  # kept between the robot's rim and what is mapped
+    margin_m: NotNegative = 0.003  # kept between the robot's rim and what is mapped
+    thin_margin_m: NotNegative = 0.015  # more of it beside legs and other thin things
     min_passage_m: NotNegative = 0.06  # room to spare in a gap that leads to a small place only
     unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor
     lane_overlap_m: NotNegative = 0.02  # neighbouring lanes share this much of the brush

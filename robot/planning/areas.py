@@ -9,17 +9,16 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from robot.planning.costmap import Space, distance_m
+from robot.planning.costmap import Space, distance_m, large_things
 
 _HALF_DOOR_M = 0.45
-_SMALL_M = 0.25
 _LEAST_MIDDLE_M2 = 0.02
 _BLOCK_M = 0.10
 
 
 def label_areas(space: Space) -> np.ndarray:
     """Area number int32 of every cell of the space, 1 and up."""
-    room_m = distance_m(_large(space.matter, space.cell_m), space.cell_m)
+    room_m = distance_m(large_things(space.matter, space.cell_m), space.cell_m)
     middle = (space.free & (room_m > _HALF_DOOR_M)).astype(np.uint8)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(middle, connectivity=4)
     keep = stats[:, cv2.CC_STAT_AREA] * space.cell_m**2 >= _LEAST_MIDDLE_M2
@@ -52,12 +51,3 @@ def _grown(seeds: np.ndarray, space: Space) -> np.ndarray:
     while (label == 0).any():
         label = np.where(label == 0, cv2.dilate(label, kernels[0]), label)
     return np.kron(label, np.ones((block, block), np.float32))[:high, :wide].astype(np.int32)
-
-
-def _large(matter: np.ndarray, cell_m: float) -> np.ndarray:
-    """Matter without the things that are smaller than `_SMALL_M` both ways."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(matter.astype(np.uint8), connectivity=8)
-    side = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * cell_m
-    large = side > _SMALL_M
-    large[0] = False
-    return large[labels]

@@ -18,6 +18,7 @@ from robot.geometry.se2 import SE2
 from robot.messages import Grid
 
 PLAN_CELL_M = 0.025
+SMALL_M = 0.25
 _ESCAPE_M = 0.6  # how far the robot may stand from the nearest place where it fits
 _BESIDE_M = 0.05  # a robot on an edge is often a little nearer to the wall than planned
 _SMALL_PLACE_M2 = 0.5  # of centres: what lies behind a tight gap must be larger
@@ -76,6 +77,15 @@ def distance_m(blocked: np.ndarray, cell_m: float) -> np.ndarray:
     return (cells - 0.5) * np.float32(cell_m)
 
 
+def large_things(matter: np.ndarray, cell_m: float) -> np.ndarray:
+    """Matter without what is smaller than `SMALL_M` both ways: legs, cables, specks."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(matter.astype(np.uint8), connectivity=8)
+    side = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * cell_m
+    large = side > SMALL_M
+    large[0] = False
+    return large[labels]
+
+
 def wall_direction_rad(occupied: np.ndarray) -> float:
     """Dominant direction of walls in [-pi/4, pi/4); 0 where there is none or nearly none.
 
@@ -114,7 +124,10 @@ def build_space(
     occupied = np.pad(occupied, pad)
     unknown = np.pad(unknown, pad, constant_values=True)
     covered = np.pad(covered, pad)
-    clearance, seen = distance_m(occupied, res), distance_m(unknown, res)
+    large, seen = large_things(occupied, res), distance_m(unknown, res)
+    # A leg's far side is known last: keep off it a little more than off a wall.
+    thin = distance_m(occupied & ~large, res) - np.float32(planning.thin_margin_m)
+    clearance = np.minimum(distance_m(large, res), thin)
     origin = np.array([grid.origin_x_m, grid.origin_y_m]) - pad * res
 
     cell_m = res / math.ceil(res / PLAN_CELL_M - 1e-9)

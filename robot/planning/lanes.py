@@ -42,7 +42,6 @@ class LaneRules:
     bridge: int
     turn: float
     least_gain: int
-    slack: float
 
 
 def lane_rules(space: Space, planning: PlanningConfig, brush_m: float) -> LaneRules:
@@ -54,7 +53,6 @@ def lane_rules(space: Space, planning: PlanningConfig, brush_m: float) -> LaneRu
         round(_BRIDGE_M / space.cell_m),
         planning.turn_cost_m / space.cell_m,
         max(1, round(0.5 * planning.min_patch_m2 / space.cell_m**2)),
-        planning.lane_overlap_m / space.cell_m,
     )
 
 
@@ -136,8 +134,7 @@ def _lanes(
     """
     rows = np.flatnonzero(part.any(axis=1))
     low, high = int(rows[0]), int(rows[-1]) + 1
-    # A region reaches into the edge strips around it by more than the slack.
-    count = max(1, math.ceil((high - low - rules.slack) / rules.spacing))
+    count = max(1, math.ceil((high - low) / rules.spacing - 1e-6))
     half = rules.brush / 2.0
     inset = half - (rules.brush - rules.spacing) / 2.0
     first, last = low + inset - 0.5, high - inset - 0.5

@@ -368,3 +368,19 @@ def picture(run: Run, world: FlatWorld, path: str, plan_index: int | None = None
             image, tuple(points[i - 1].tolist()), tuple(points[i].tolist()), colour, 1, cv2.LINE_AA
         )
     cv2.imwrite(path, image[::-1])
+
+
+def small_flat() -> tuple[FlatWorld, SE2]:
+    """About 15 m2 of reachable floor: living room, corridor, bedroom; a table and solid boxes."""
+    w = FlatWorld((6.0, 4.2))
+    w.box(0.12, 0.12, 3.43, 2.73, False)  # living room
+    w.box(0.12, 2.84, 4.42, 4.07, False)  # corridor
+    w.box(3.54, 0.12, 5.87, 2.73, False)  # bedroom
+    w.box(1.33, 2.73, 2.16, 2.84, False)  # doors
+    w.box(3.70, 2.73, 4.42, 2.84, False)
+    w.box(2.41, 0.12, 3.43, 0.83)  # sofa
+    w.legs(1.07, 1.11, 0.83, 0.62)  # table
+    w.box(0.12, 2.30, 0.75, 2.73)  # sideboard
+    w.box(4.66, 0.12, 5.87, 1.86)  # bed
+    w.box(0.12, 3.72, 0.61, 4.07)  # shoes
+    return w, SE2(0.33, 0.77, math.pi)
