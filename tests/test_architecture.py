@@ -37,7 +37,7 @@ HEAVY_AT_TOP = {
     "robot/sim": {"numba"},
     "robot/slam/ekf.py": {"filterpy"},
     "robot/log": {"mcap"},
-    "models": {"torch"},
+    "models": {"torch", "onnxruntime"},
 }
 MAX_LINES = 400
 TOP_LEVEL = {"robot", "firmware_bridge", "models", "deploy", "systemd", "tests"}
