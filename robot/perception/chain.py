@@ -57,7 +57,6 @@ class Perception:
         self._odometry = VisualOdometry(camera, config.max_step_m)
         self._marker = MarkerFinder(config, robot, camera)
         self._marker_track = -1
-        self._last_yaw_rad = 0.0
 
     def see(self, frame: StereoFrame, arrived_ns: int, given: np.ndarray | None = None) -> Seen:
         """Everything about one frame. `given` is a simulator's true disparity (h, w), if it has it.
@@ -79,21 +78,20 @@ class Perception:
         with stage("tracks"):
             smooth = cv2.GaussianBlur(left, (0, 0), SMOOTHING_PX)
             smooth_right = cv2.GaussianBlur(right, (0, 0), SMOOTHING_PX)
-            turn = frame.yaw_change_rad
-            guess = turn if np.isfinite(turn) else self._last_yaw_rad
-            tracks = self._tracker.follow(smooth, guess)
+            turn_rad = frame.yaw_change_rad
+            guess = self._odometry.expected_motion(turn_rad)
+            tracks = self._tracker.follow(smooth, self._odometry.expected_pixels(turn_rad))
             ground_px = floor.disparity_px(*(tracks.pixel - self._centre).T)
             points = measure(smooth, smooth_right, trusted.disparity_px, tracks, ground_px)
         with stage("motion"):
-            motion, points = self._odometry.update(points, turn)
-            self._last_yaw_rad = motion.previous_from_current.yaw_rad if motion else 0.0
+            motion, points = self._odometry.update(points, turn_rad)
         with stage("landmarks"):
             describer = Describer(smooth)
             landmarks = self._landmarks.points(points, describer, floor)
         with stage("edges"):
             if self._edges is not None:
                 landmarks += self._edges.find(
-                    smooth, smooth_right, trusted.disparity_px, describer, guess
+                    smooth, smooth_right, trusted.disparity_px, describer, guess.yaw_rad
                 )
         with stage("marker"):
             marker = self._marker.find(left)

@@ -2,6 +2,8 @@
 
 A point (u, v, d) seen now is lifted into `base`, moved by (x, y, yaw) into the previous `base` and
 projected again; the differences to what was seen there, in pixels, are minimised by Gauss-Newton.
+A shift of all rows goes with it, for no camera rides without nodding: a tenth of a degree looks
+like millimetres of travel otherwise.
 Outliers lose their weight by graduated non-convexity with Geman and McClure's loss (Yang et al.,
 IEEE RA-L 2020), which needs no random samples.
 """
@@ -23,9 +25,13 @@ WIDTHS = (64.0, 16.0, 8.0, 4.0, 3.0, 3.0, 3.0)  # of the loss, in sigma, from wi
 OUTLIER_SIGMA = 3.5
 MIN_INLIERS, MIN_SHARE = 8, 0.4
 MIN_DISPARITY_PX = 1.5
+FAR_PX = 0.2  # disparity assumed of points without: only turns move them
+NOD_PX = 2.0  # one sigma of that shift (half a degree)
 COV_FACTOR = 1.2  # neighbouring points share their errors
 FLOOR_SIGMA = np.array([0.0005, 0.0005, 0.0005])  # m, m, rad
 MAX_STEP_M, MAX_STEP_RAD = 0.3, 0.6  # between two frames: more is a mistake
+
+_PRIOR = np.diag([1e-3, 1e-3, 1e-3, NOD_PX**-2])  # the pose's only keeps the equations solvable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +48,23 @@ class VisualOdometry:
         self._last: Points | None = None
         self._motion = SE2()
 
+    def expected_motion(self, yaw_hint_rad: float) -> SE2:
+        """Motion since the last frame as far as it can be guessed: as before, turning as told."""
+        yaw = yaw_hint_rad if math.isfinite(yaw_hint_rad) else self._motion.yaw_rad
+        return SE2(self._motion.x_m, self._motion.y_m, yaw)
+
+    def expected_pixels(self, yaw_hint_rad: float) -> np.ndarray:
+        """Where the last frame's points (n, 2) should be seen now; float32."""
+        if self._last is None:
+            return np.empty((0, 2), np.float32)
+        pixel = self._last.pixel.astype(np.float64)
+        depth_px = np.where(np.isfinite(self._last.disparity_px), self._last.disparity_px, FAR_PX)
+        points = self._camera.base_from_pixel(pixel[:, 0], pixel[:, 1], depth_px)
+        points[:, :2] = self.expected_motion(yaw_hint_rad).inverse().apply(points[:, :2])
+        u, v, _ = self._camera.pixel_from_base(points)
+        expected = np.stack([u, v], axis=1)
+        return np.where(np.isfinite(expected), expected, pixel).astype(np.float32)
+
     def update(self, points: Points, yaw_hint_rad: float) -> tuple[VisualMotion | None, Points]:
         """Motion since the last frame, and the points, unsteady where they contradict it.
 
@@ -55,16 +78,16 @@ class VisualOdometry:
         if len(index) < MIN_INLIERS:
             self._motion = SE2()
             return None, points
-        yaw = yaw_hint_rad if math.isfinite(yaw_hint_rad) else self._motion.yaw_rad
-        pose = np.array([self._motion.x_m, self._motion.y_m, yaw])
+        guess = self.expected_motion(yaw_hint_rad)
+        pose = np.array([guess.x_m, guess.y_m, guess.yaw_rad, 0.0])
         for width in WIDTHS:
             residual, jacobian = self._linearise(pose, pairs)
             chi2 = np.sum(residual**2, axis=1)
             weight = (width**2 / (width**2 + chi2)) ** 2
-            normal = np.einsum("nri,nrj,n->ij", jacobian, jacobian, weight)
-            pose = pose + np.linalg.solve(
-                normal + 1e-3 * np.eye(3), np.einsum("nri,nr,n->i", jacobian, -residual, weight)
-            )
+            normal = np.einsum("nri,nrj,n->ij", jacobian, jacobian, weight) + _PRIOR
+            slope = np.einsum("nri,nr,n->i", jacobian, residual, weight)
+            slope[3] += _PRIOR[3, 3] * pose[3]
+            pose = pose - np.linalg.solve(normal, slope)
         residual, jacobian = self._linearise(pose, pairs)
         inlier = np.sum(residual**2, axis=1) < OUTLIER_SIGMA**2
         count = int(np.count_nonzero(inlier))
@@ -94,9 +117,9 @@ class VisualOdometry:
         return new, _Pairs(points.reshape(-1, 3), before)
 
     def _linearise(self, pose: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (n, 3) over sigma and their Jacobian (n, 3, 3) by x, y and yaw."""
+        """Residuals (n, 3) over sigma and their Jacobian (n, 3, 4) by x, y, yaw and the nod."""
         camera = self._camera
-        x, y, yaw = pose.tolist()
+        x, y, yaw, nod_px = pose.tolist()
         c, s = math.cos(yaw), math.sin(yaw)
         turned = pairs.now_m @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         rotation, origin = camera.base_from_cam[:3, :3], camera.base_from_cam[:3, 3]
@@ -105,19 +128,21 @@ class VisualOdometry:
         focal, fb = camera.focal_px, camera.focal_px * camera.baseline_m
         u = focal * cam[:, 0] / z
         v = focal * cam[:, 1] / z
-        seen = np.column_stack([u + camera.cx_px, v + camera.cy_px, fb / z])
+        seen = np.column_stack([u + camera.cx_px, v + camera.cy_px + nod_px, fb / z])
         by_cam = np.zeros((len(z), 3, 3))
         by_cam[:, 0, 0] = by_cam[:, 1, 1] = focal / z
         by_cam[:, 0, 2], by_cam[:, 1, 2], by_cam[:, 2, 2] = -u / z, -v / z, -fb / z**2
         by_pose = np.zeros((len(z), 3, 3))
         by_pose[:, 0, 0] = by_pose[:, 1, 1] = 1.0
         by_pose[:, 0, 2], by_pose[:, 1, 2] = -turned[:, 1], turned[:, 0]
-        jacobian = by_cam @ (rotation.T @ by_pose)
+        jacobian = np.zeros((len(z), 3, 4))
+        jacobian[:, :, :3] = by_cam @ (rotation.T @ by_pose)
+        jacobian[:, 1, 3] = 1.0
         return (seen - pairs.before) / SIGMA_PX, jacobian / SIGMA_PX[:, None]
 
     def _covariance(self, residual: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         """Of (x, y, yaw): inverse information, scaled by what the residuals say about the noise."""
-        information = np.einsum("nri,nrj->ij", jacobian, jacobian)
+        information = np.einsum("nri,nrj->ij", jacobian, jacobian) + _PRIOR
         variance = max(1.0, float(np.mean(residual**2)))
-        cov = np.linalg.inv(information + 1e-6 * np.eye(3)) * variance * COV_FACTOR
+        cov = np.linalg.inv(information)[:3, :3] * variance * COV_FACTOR
         return cov + np.diag(FLOOR_SIGMA**2)

@@ -1,7 +1,7 @@
 """Corners followed from frame to frame.
 
 Shi-Tomasi corners (CVPR 1994) followed by pyramidal Lucas-Kanade (Bouguet 2000), started where
-the robot's turn puts them, and followed back again as a check.
+the robot's motion puts them, and followed back again as a check.
 """
 
 from __future__ import annotations
@@ -45,23 +45,26 @@ class Tracker:
             np.empty((0, 2), np.float32), np.empty(0, np.int64), np.empty(0, np.int64)
         )
 
-    def follow(self, image: np.ndarray, yaw_rad: float) -> Tracks:
-        """Points in a smoothed grey image (h, w), after the robot turned by about `yaw_rad`."""
+    def follow(self, image: np.ndarray, expected: np.ndarray | None = None) -> Tracks:
+        """Points in a smoothed grey image (h, w).
+
+        `expected` (n, 2) tells about where the points of the last answer should be now.
+        """
         if self._last is not None and len(self._tracks.pixel):
-            self._tracks = self._followed(self._last, image, yaw_rad)
+            guess = self._tracks.pixel if expected is None else expected
+            self._tracks = self._followed(self._last, image, guess)
         self._tracks = self._refilled(image)
         self._last = image
         return self._tracks
 
-    def _followed(self, before: np.ndarray, image: np.ndarray, yaw_rad: float) -> Tracks:
+    def _followed(self, before: np.ndarray, image: np.ndarray, guess: np.ndarray) -> Tracks:
         tracks = self._tracks
         old = tracks.pixel.reshape(-1, 1, 2)
-        guess = turned(tracks.pixel, yaw_rad, self._camera).reshape(-1, 1, 2)
         new, found, _ = cv2.calcOpticalFlowPyrLK(
             before,
             image,
             old,
-            guess,
+            guess.reshape(-1, 1, 2).astype(np.float32),  # a copy: it is written to
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
             winSize=WINDOW_PX,
             maxLevel=2,

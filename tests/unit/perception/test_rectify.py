@@ -2,9 +2,13 @@ import cv2
 import numpy as np
 import pytest
 
+from robot.config import PerceptionConfig, RobotConfig
 from robot.errors import CalibrationError, FrameError
 from robot.geometry.stereo import base_from_cam
+from robot.messages import StereoFrame
 from robot.perception.calibration import Eye, StereoCalibration
+from robot.perception.chain import Perception
+from robot.perception.depth import make_depth
 from robot.perception.rectify import Rectifier
 
 MOUNT = base_from_cam(0.13, 0.03, 0.09)
@@ -105,3 +109,16 @@ def test_a_frame_of_another_size_is_refused():
 def test_eyes_that_share_no_view_are_refused(turn):
     with pytest.raises(CalibrationError, match="share no view"):
         Rectifier(calibration(turn=turn), 320, 240, MOUNT)
+
+
+def test_the_chain_rectifies_raw_frames():
+    rectifier = Rectifier(calibration(), 320, 240, MOUNT)
+    config = PerceptionConfig()
+    perception = Perception(
+        config, RobotConfig(), rectifier.camera, make_depth(config, rectifier.camera), rectifier
+    )
+    rng = np.random.default_rng(0)
+    raw = cv2.GaussianBlur(rng.integers(0, 255, (480, 752), np.uint8), (0, 0), 2.0)
+    assert perception.see(StereoFrame(5, 1, raw, raw), 9).t_ns == 5
+    with pytest.raises(FrameError, match="752x480 px is expected"):
+        perception.see(StereoFrame(6, 2, raw[:240, :320], raw[:240, :320]), 10)

@@ -26,9 +26,10 @@ def test_points_are_followed_where_the_world_moves_them():
     tracker = Tracker(CONFIG, CAMERA, TrackIds())
     poses = [SE2(0.02 * k, 0.0, 0.05 * k) for k in range(5)]
     frames = [view(pose, seed=k) for k, pose in enumerate(poses)]
-    seen: dict[int, list[tuple[int, np.ndarray]]] = {}
+    tracks, seen = None, {}
     for k, (left, _, _) in enumerate(frames):
-        tracks = tracker.follow(left, 0.05 if k else 0.0)
+        expected = turned(tracks.pixel, 0.05, CAMERA) if tracks else None
+        tracks = tracker.follow(left, expected)
         assert len(set(tracks.track_id.tolist())) == len(tracks.track_id)
         for pixel, number, age in zip(tracks.pixel, tracks.track_id, tracks.age, strict=True):
             assert age == len(seen.get(int(number), []))
@@ -50,7 +51,7 @@ def test_points_are_followed_where_the_world_moves_them():
 
 def test_corners_keep_their_distance_and_the_count_its_bound():
     left, _, _ = view(SE2(0.0, 0.0, 0.3))
-    tracks = Tracker(CONFIG, CAMERA, TrackIds()).follow(left, 0.0)
+    tracks = Tracker(CONFIG, CAMERA, TrackIds()).follow(left)
     assert 0.8 * CONFIG.max_tracks <= len(tracks.pixel) <= CONFIG.max_tracks
     upper = tracks.pixel[tracks.pixel[:, 1] < CAMERA.cy_px + SPACING_PX]
     gaps = np.linalg.norm(upper[:, None] - upper[None], axis=2) + 100 * np.eye(len(upper))
@@ -61,13 +62,13 @@ def test_corners_keep_their_distance_and_the_count_its_bound():
 def test_noise_has_no_corners():
     rng = np.random.default_rng(2)
     noise = np.clip(120 + 2 * rng.standard_normal((240, 320)), 0, 255).astype(np.uint8)
-    assert len(Tracker(CONFIG, CAMERA, TrackIds()).follow(smooth(noise), 0.0).pixel) < 6
+    assert len(Tracker(CONFIG, CAMERA, TrackIds()).follow(smooth(noise)).pixel) < 6
 
 
 def test_a_cut_to_another_place_ends_nearly_all_tracks():
     tracker = Tracker(CONFIG, CAMERA, TrackIds())
-    before = tracker.follow(view(SE2(0.0, 0.0, 0.0))[0], 0.0)
-    after = tracker.follow(view(SE2(0.3, -0.5, 2.5))[0], 0.0)
+    before = tracker.follow(view(SE2(0.0, 0.0, 0.0))[0])
+    after = tracker.follow(view(SE2(0.3, -0.5, 2.5))[0])
     kept = np.isin(after.track_id, before.track_id)
     assert kept.sum() < 0.15 * len(before.track_id)
 

@@ -114,3 +114,34 @@ def test_motion_in_the_rendered_flat() -> None:
             errors.append((off.x_m, off.y_m, off.yaw_rad))
     worst = np.abs(errors).max(axis=0)
     assert worst[0] < 0.004 and worst[1] < 0.004 and worst[2] < 0.004
+
+
+@pytest.mark.parametrize("nod_px", [-1.5, 0.8])
+def test_a_nod_of_the_camera_is_no_travel(nod_px: float) -> None:
+    odometry, points = VisualOdometry(CAMERA), cloud(2)
+    odometry.update(seen(points, 0.1, 1), math.nan)
+    now = seen(moved(points, SE2(0.025, 0.0, 0.02)), 0.1, 2)
+    motion, _ = odometry.update(replace(now, pixel=now.pixel + [0.0, nod_px]), 0.02)
+    assert motion is not None and motion.inliers > 0.9 * COUNT
+    assert motion.previous_from_current.x_m == pytest.approx(0.025, abs=0.003)
+    assert motion.previous_from_current.yaw_rad == pytest.approx(0.02, abs=0.002)
+
+
+def test_points_are_expected_where_a_steady_motion_takes_them() -> None:
+    odometry, points, step = VisualOdometry(CAMERA), cloud(3), SE2(0.03, 0.0, 0.05)
+    assert odometry.expected_pixels(math.nan).shape == (0, 2)
+    odometry.update(seen(points), math.nan)
+    points = moved(points, step)
+    odometry.update(seen(points), math.nan)
+    expected = odometry.expected_pixels(math.nan)
+    np.testing.assert_allclose(expected, seen(moved(points, step)).pixel, atol=0.02)
+    turning = odometry.expected_pixels(0.08)  # the gyro knows better
+    np.testing.assert_allclose(turning, seen(moved(points, SE2(0.03, 0.0, 0.08))).pixel, atol=0.02)
+
+
+def test_points_without_stereo_are_expected_to_turn_only() -> None:
+    odometry, points = VisualOdometry(CAMERA), cloud(4)
+    blind = replace(seen(points), disparity_px=np.full(COUNT, np.nan))
+    odometry.update(blind, math.nan)
+    shift = odometry.expected_pixels(0.1)[:, 0] - blind.pixel[:, 0]
+    assert np.all(shift > 0.08 * CAMERA.focal_px)
