@@ -100,11 +100,12 @@ class SlamConfig(Section):
     wheel_scale_sigma: NotNegative = 0.02  # how wrong a wheel's diameter may be, relative
     gyro_noise_rad_per_sqrt_s: Positive = 0.001
     gyro_bias_sigma_radps: NotNegative = 0.02  # before the first standstill
-    gyro_bias_walk: NotNegative = 0.0001  # rad/s per sqrt(s)
+    gyro_bias_walk: NotNegative = 0.00002  # rad/s per sqrt(s)
     slip_chi2: Positive = 12.0  # above: the wheels turned without the floor
     # association
     range_noise_factor: Positive = 4.0  # on variances of landmarks, as errors last many frames
     bearing_noise_factor: Positive = 4.0
+    view_sigma_m: NotNegative = 0.02  # a landmark found again is not quite the same point
     marker_range_m: Positive = 0.9  # farther, a marker looks smaller than it is
     marker_noise_factor: Positive = 4.0
     gate_chi2: Positive = 11.8  # two degrees of freedom

@@ -66,6 +66,14 @@ def disc(radius_cells: float) -> np.ndarray:
     return (x * x + y * y <= (radius_cells + 1e-6) ** 2).astype(np.uint8)
 
 
+def opened(mask: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """Morphological opening, uint8; cv2's own shifts the picture where a side is even."""
+    high, wide = kernel.shape
+    eroded = cv2.erode(mask.astype(np.uint8), kernel, anchor=(0, 0))
+    mirrored = np.ascontiguousarray(kernel[::-1, ::-1])
+    return cv2.dilate(eroded, mirrored, anchor=(wide - 1, high - 1))
+
+
 def distance_m(blocked: np.ndarray, cell_m: float) -> np.ndarray:
     """From each cell's centre to the edge of the nearest blocked cell, metres (float32)."""
     if not blocked.any():
@@ -236,7 +244,7 @@ def _without_tight_pockets(
     whole = _component(fits, entry)
     size = round(gap) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    wide = cv2.morphologyEx(whole.astype(np.uint8), cv2.MORPH_OPEN, kernel)
+    wide = opened(whole, kernel)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(wide, connectivity=8)
     keep = stats[:, cv2.CC_STAT_AREA] >= large
     keep[labels[entry[1], entry[0]]] = True

@@ -13,7 +13,7 @@ import numpy as np
 
 from robot.config import PlanningConfig, RobotConfig
 from robot.planning.areas import label_areas
-from robot.planning.costmap import Space
+from robot.planning.costmap import Space, opened
 from robot.planning.edges import Chain, edge_chains, paint
 from robot.planning.frontier import look_route
 from robot.planning.lanes import Cell, lane_cells, lane_rules
@@ -58,7 +58,7 @@ def worthwhile(space: Space, mask: np.ndarray, planning: PlanningConfig) -> np.n
     size = max(1, round(planning.min_sliver_m / space.cell_m))
     out: np.ndarray = mask.astype(np.uint8)
     if size > 1:
-        out = cv2.morphologyEx(out, cv2.MORPH_OPEN, np.ones((size, size), np.uint8))
+        out = opened(out, np.ones((size, size), np.uint8))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(out, connectivity=8)
     keep = stats[:, cv2.CC_STAT_AREA] * space.cell_m**2 >= planning.min_patch_m2
     keep[0] = False

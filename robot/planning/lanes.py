@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from robot.config import PlanningConfig
-from robot.planning.costmap import Space
+from robot.planning.costmap import Space, opened
 
 _NECK_M = 0.35  # regions joined by less than this are swept apart
 _HABIT = 1.15
@@ -94,7 +94,7 @@ def regions(todo: np.ndarray, neck: float) -> tuple[np.ndarray, int]:
     size = max(3, round(neck) | 1)
     mask: np.ndarray = todo.astype(np.uint8)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    core: np.ndarray = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+    core = opened(mask, kernel)
     core_count, core_labels = cv2.connectedComponents(core, connectivity=4)
     rest = np.where(core > 0, 0, mask).astype(np.uint8)
     if core_count > 1:
