@@ -27,6 +27,7 @@ class Pairs:
     seen: np.ndarray  # (p,) index among the observations
     landmark: np.ndarray  # (p,)
     fresh: np.ndarray  # (p,) bool: found by signature now, not by its track
+    loose_m: np.ndarray  # (p,) how far the landmark may have moved since it was last seen
     residual: np.ndarray  # (p, 2)
     noise: np.ndarray  # (p, 2, 2)
     columns: np.ndarray  # (p, 5) state entries
@@ -45,6 +46,7 @@ class Pairs:
             self.seen[kept],
             self.landmark[kept],
             self.fresh[kept],
+            self.loose_m[kept],
             self.residual[kept],
             self.noise[kept],
             self.columns[kept],
@@ -53,21 +55,32 @@ class Pairs:
             self.hph[np.ix_(rows, rows)],
         )
 
+    def innovation(self, ekf: LandmarkFilter) -> tuple[np.ndarray, np.ndarray]:
+        """H P and H P H^T for the filter as it is now."""
+        return _innovation(ekf, self.columns, self.jacobian, self.loose_m)
+
 
 def pair_up(
-    ekf: LandmarkFilter, catalogue: Catalogue, seen: Observations, config: SlamConfig
+    ekf: LandmarkFilter,
+    catalogue: Catalogue,
+    seen: Observations,
+    loose_m: np.ndarray,
+    config: SlamConfig,
 ) -> Pairs:
-    """All plausible pairs: by track, then by place and signature; one sight per landmark."""
+    """All plausible pairs: by track, then by place and signature; one sight per landmark.
+
+    `loose_m` (n,) is by how much each landmark may have moved since it was last seen.
+    """
     bound = catalogue.bound(seen.track)
     by_track = np.flatnonzero(bound >= 0)
     _, first = np.unique(bound[by_track], return_index=True)
     by_track = by_track[np.sort(first)]
     free = np.flatnonzero(bound < 0)
-    found, landmark = _candidates(ekf, catalogue, seen, free, bound[by_track], config)
+    found, landmark = _candidates(ekf, catalogue, seen, loose_m, free, bound[by_track], config)
     index = np.concatenate([by_track, found])
     target = np.concatenate([bound[by_track], landmark])
     fresh = np.arange(len(index)) >= len(by_track)
-    return _linearise(ekf, seen, index, target, fresh)
+    return _linearise(ekf, seen, index, target, fresh, loose_m[target])
 
 
 def _linearise(
@@ -76,20 +89,35 @@ def _linearise(
     index: np.ndarray,
     landmark: np.ndarray,
     fresh: np.ndarray,
+    loose_m: np.ndarray,
 ) -> Pairs:
     predicted, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks()[landmark])
     first = FIRST_LANDMARK + 2 * landmark[:, None]
     columns = np.hstack([np.tile(np.arange(3), (len(index), 1)), first, first + 1])
     jacobian = np.concatenate([by_pose, by_point], axis=2)
-    hp, hph = ekf.innovation(columns, jacobian)
     away = residual(seen.sight[index], predicted)
-    return Pairs(index, landmark, fresh, away, seen.cov[index], columns, jacobian, hp, hph)
+    hp, hph = _innovation(ekf, columns, jacobian, loose_m)
+    return Pairs(index, landmark, fresh, loose_m, away, seen.cov[index], columns, jacobian, hp, hph)
+
+
+def _innovation(
+    ekf: LandmarkFilter, columns: np.ndarray, jacobian: np.ndarray, loose_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """H P and H P H^T as they will be once the landmarks are loosened by `loose_m` (p,)."""
+    hp, hph = ekf.innovation(columns, jacobian)
+    for i in np.flatnonzero(loose_m):
+        by_point = jacobian[i, :, 3:]
+        rows = slice(2 * i, 2 * i + 2)
+        hp[rows, columns[i, 3:]] += by_point * loose_m[i] ** 2
+        hph[rows, rows] += by_point @ by_point.T * loose_m[i] ** 2
+    return hp, hph
 
 
 def _candidates(
     ekf: LandmarkFilter,
     catalogue: Catalogue,
     seen: Observations,
+    loose_m: np.ndarray,
     free: np.ndarray,
     taken: np.ndarray,
     config: SlamConfig,
@@ -98,7 +126,7 @@ def _candidates(
     none = np.zeros(0, dtype=int)
     if not len(free) or not len(catalogue):
         return none, none
-    distance = _mahalanobis(ekf, seen, free)
+    distance = _mahalanobis(ekf, seen, loose_m, free)
     fits = distance < config.gate_chi2
     fits &= seen.kind[free][:, None] == catalogue.kinds()[None]
     rise = np.abs(seen.height_m[free][:, None] - catalogue.heights_m()[None])
@@ -134,7 +162,9 @@ def _unambiguous(cost: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarra
     return np.array(rows, dtype=int), np.array(columns, dtype=int)
 
 
-def _mahalanobis(ekf: LandmarkFilter, seen: Observations, index: np.ndarray) -> np.ndarray:
+def _mahalanobis(
+    ekf: LandmarkFilter, seen: Observations, loose_m: np.ndarray, index: np.ndarray
+) -> np.ndarray:
     """Squared Mahalanobis distances (len(index), n) of sights to all landmarks."""
     predicted, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks())
     n = len(predicted)
@@ -142,7 +172,8 @@ def _mahalanobis(ekf: LandmarkFilter, seen: Observations, index: np.ndarray) -> 
     mixed = by_pose @ cross @ by_point.transpose(0, 2, 1)
     spread = by_pose @ ekf.P[POSE, POSE] @ by_pose.transpose(0, 2, 1)
     spread += mixed + mixed.transpose(0, 2, 1)
-    spread += by_point @ ekf.landmark_covs() @ by_point.transpose(0, 2, 1)
+    place = ekf.landmark_covs() + (loose_m**2)[:, None, None] * np.eye(2)
+    spread += by_point @ place @ by_point.transpose(0, 2, 1)
     away = seen.sight[index][:, None, :] - predicted[None]
     away[..., 1] = wrap(away[..., 1])
     return quadratic(away, spread[None] + seen.cov[index][:, None])
@@ -199,12 +230,13 @@ class PoseEvidence:
 
     def any_way(self) -> tuple[float, np.ndarray]:
         """Chi-square (3 dof) of any error, and the likeliest one (3,)."""
-        error = np.linalg.solve(self.information, self.pull)
+        weak = 1e-9 * np.trace(self.information) * np.eye(3)  # one pair alone leaves a direction
+        error = np.linalg.solve(self.information + weak, self.pull)
         return float(self.pull @ error), error
 
 
 def pose_evidence(pairs: Pairs) -> PoseEvidence:
-    """Evidence of two pairs or more."""
+    """Evidence of one pair or more."""
     p = len(pairs)
     spread = pairs.hph.copy()
     for i in range(p):

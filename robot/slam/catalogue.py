@@ -12,6 +12,7 @@ from robot.slam.sensor import sights_of
 
 BITS = 256
 _KINDS = {"point": 0, "edge": 1}
+AWAY_NS = 2_000_000_000  # a landmark unseen for longer was out of view
 _MAX_SIGNATURES = 5
 _NEW_SIGNATURE_BITS = 20  # a view that differs by less teaches nothing
 
@@ -32,8 +33,10 @@ class Observations:
         return len(self.range_m)
 
 
-def collect(landmarks: Sequence[Landmark], noise_factor: float) -> Observations:
-    """Arrays of the points and edges among `landmarks`, covariances times `noise_factor`."""
+def collect(
+    landmarks: Sequence[Landmark], range_factor: float = 1.0, bearing_factor: float = 1.0
+) -> Observations:
+    """Arrays of the points and edges among `landmarks`, with variances times the factors."""
     used = [
         seen
         for seen in landmarks
@@ -43,10 +46,11 @@ def collect(landmarks: Sequence[Landmark], noise_factor: float) -> Observations:
     bits = np.unpackbits(raw.reshape(len(used), BITS // 8), axis=1).astype(np.float32)
     polar = np.array([(seen.range_m, seen.bearing_rad) for seen in used]).reshape(-1, 2)
     cov = np.array([seen.cov for seen in used]).reshape(-1, 2, 2)
+    factors = np.array([range_factor, bearing_factor])
     sight, sight_cov = sights_of(polar, cov)
     return Observations(
         sight,
-        noise_factor * sight_cov,
+        sight_cov * np.sqrt(np.outer(factors, factors)),
         polar[:, 0],
         np.array([_KINDS[seen.kind] for seen in used], dtype=int),
         np.array([seen.height_m for seen in used]),
@@ -119,6 +123,14 @@ class Catalogue:
         """Landmark index (m,) of each track, -1 where it is not known."""
         found = (self.by_track.get(t) for t in track.tolist())
         return np.array([-1 if entry is None else entry.index for entry in found], dtype=int)
+
+    def looseness_m(self, t_ns: int, view_sigma_m: float) -> np.ndarray:
+        """By how much (n,) each landmark may look shifted: zero while it stays in view.
+
+        From another side, a corner of a texture or of a thing is not quite the same point.
+        """
+        last = np.array([entry.last_seen_ns for entry in self.entries], dtype=np.int64)
+        return np.where(t_ns - last > AWAY_NS, view_sigma_m, 0.0)
 
     def kinds(self) -> np.ndarray:
         """Kind (n,) of each landmark."""

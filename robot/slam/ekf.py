@@ -114,6 +114,12 @@ class LandmarkFilter(ExtendedKalmanFilter):
         """Add `cov` (3, 3) to the pose's covariance: motion the odometry did not feel."""
         self.P[POSE, POSE] += cov
 
+    def loosen(self, landmark: np.ndarray, sigma_m: np.ndarray) -> None:
+        """Let the landmarks of the indices (p,) have moved by `sigma_m` (p,) either way."""
+        first = FIRST_LANDMARK + 2 * landmark
+        for index in (first, first + 1):
+            self.P[index, index] += sigma_m**2
+
     def place_marker(
         self, marker: np.ndarray, by_pose: np.ndarray, by_seen: np.ndarray, noise: np.ndarray
     ) -> None:

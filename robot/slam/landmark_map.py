@@ -8,14 +8,23 @@ import numpy as np
 
 from robot.config import SlamConfig
 from robot.messages import Marker
-from robot.slam.association import Pairs, agreement, pair_up, pose_evidence, quadratic
+from robot.slam.association import (
+    Pairs,
+    PoseEvidence,
+    agreement,
+    pair_up,
+    pose_evidence,
+    quadratic,
+)
 from robot.slam.catalogue import Catalogue, Observations
 from robot.slam.ekf import MARKER, POSE, YAW, LandmarkFilter
 from robot.slam.provisional import Waiting
 from robot.slam.sensor import expected_marker, locate, locate_marker, residual
 
 _MARKER_GATE_CHI2 = 16.3  # 99.9 % of three degrees of freedom
-_ANY_MOVE_CHI2 = 30.0  # three degrees of freedom: pushed or turned by somebody
+_ODD_CHI2 = 21.1  # 99.99 % of three degrees of freedom: the frame contradicts the pose
+_ODD_FRAMES = 5  # contradicting in a row before they are believed: somebody pushed the robot
+_MAX_SLIP_M = 0.2
 _REFUSALS = 4  # sightings that do not fit before a track loses its landmark
 _GHOST_NS = 4_000_000_000
 _MIN_SIGHTINGS = 5
@@ -30,14 +39,16 @@ class LandmarkMap:
         self._ekf = ekf
         self._catalogue = Catalogue()
         self._waiting = Waiting(config)
-        self._marker_known = False
+        self.marker_known = False
         self._pruned_ns = 0
+        self._odd_frames = 0
 
-    def correct(self, seen: Observations, t_ns: int, travel_m: float) -> None:
-        """Correct pose and landmarks by one frame; `travel_m` was rolled since the last one."""
+    def correct(self, seen: Observations, t_ns: int, ahead_m: float) -> None:
+        """Correct pose and landmarks by one frame; `ahead_m` was driven since the last one."""
         self._catalogue.forget_tracks(seen.track)
-        pairs = pair_up(self._ekf, self._catalogue, seen, self._config)
-        used = self._apply(pairs, seen, t_ns, travel_m)
+        loose_m = self._catalogue.looseness_m(t_ns, self._config.view_sigma_m)
+        pairs = pair_up(self._ekf, self._catalogue, seen, loose_m, self._config)
+        used = self._apply(pairs, seen, t_ns, ahead_m)
         self._grow(seen, used, t_ns)
         if t_ns - self._pruned_ns > _PRUNE_NS:
             self._pruned_ns = t_ns
@@ -46,36 +57,39 @@ class LandmarkMap:
     def correct_by_marker(self, marker: Marker) -> None:
         """Anchor to the dock's marker: its first sight places it, later ones correct the pose."""
         pose = marker.base_from_marker
+        if math.hypot(pose.x_m, pose.y_m) > self._config.marker_range_m:
+            return
         seen = np.array([pose.x_m, pose.y_m, pose.yaw_rad])
-        if not self._marker_known:
-            self._ekf.place_marker(*locate_marker(self._ekf.x[POSE], seen), marker.cov)
-            self._marker_known = True
+        noise = self._config.marker_noise_factor * marker.cov
+        if not self.marker_known:
+            self._ekf.place_marker(*locate_marker(self._ekf.x[POSE], seen), noise)
+            self.marker_known = True
             return
         predicted, jacobian = expected_marker(self._ekf.x[POSE], self._ekf.x[MARKER])
         columns = np.array([[0, 1, 2, *range(MARKER.start, MARKER.stop)]])
         away = residual(seen[None], predicted[None])
         hp, hph = self._ekf.innovation(columns, jacobian[None])
-        chi2 = float(away[0] @ np.linalg.solve(hph + marker.cov, away[0]))
+        chi2 = float(away[0] @ np.linalg.solve(hph + noise, away[0]))
         if chi2 < _MARKER_GATE_CHI2:
-            self._ekf.update(columns, jacobian[None], away, marker.cov[None], (hp, hph))
+            self._ekf.update(columns, jacobian[None], away, noise[None], (hp, hph))
 
     # ------------------------------------------------------------ correcting
 
-    def _apply(self, pairs: Pairs, seen: Observations, t_ns: int, travel_m: float) -> np.ndarray:
+    def _apply(self, pairs: Pairs, seen: Observations, t_ns: int, ahead_m: float) -> np.ndarray:
         """Update by the pairs that agree; returns which sights (m,) are spoken for."""
         spoken_for = np.zeros(len(seen), dtype=bool)
         spoken_for[pairs.seen[~pairs.fresh]] = True
         yaw = self._ekf.x[YAW]
-        forward = np.array([[math.cos(yaw)], [math.sin(yaw)], [0.0]])
-        distance = agreement(pairs, self._config.gate_chi2, 0.5 * travel_m * forward)
+        slip = -ahead_m * np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        distance = agreement(pairs, self._config.gate_chi2, 0.5 * slip[:, None])
         fits = distance < self._config.gate_chi2
         if fits.sum() < self._config.consensus:
             fits &= ~pairs.fresh
+        good = pairs.select(self._best(fits, seen, pairs))
+        if not self._update(good, slip):
+            return spoken_for
         for i in np.flatnonzero(~fits & ~pairs.fresh).tolist():
             self._refuse(int(seen.track[pairs.seen[i]]))
-        good = pairs.select(self._best(fits, seen, pairs))
-        if len(good):
-            self._update(good, forward[:, 0])
         for i in np.flatnonzero(fits).tolist():
             self._learn(pairs, i, seen, t_ns)
             spoken_for[pairs.seen[i]] = True
@@ -87,26 +101,40 @@ class LandmarkMap:
         order = np.argsort(seen.range_m[pairs.seen[index]], kind="stable")
         return np.sort(index[order[: self._config.max_observations]])
 
-    def _update(self, pairs: Pairs, forward: np.ndarray) -> None:
-        """Correct the state; where the odometry missed a motion, believe the landmarks instead."""
+    def _update(self, pairs: Pairs, slip: np.ndarray) -> bool:
+        """Correct the state, unless the frame as a whole contradicts it; says whether it did."""
+        if not len(pairs):
+            return True
         prepared = pairs.hp, pairs.hph
-        missed = self._missed_motion(pairs, forward)
+        evidence = pose_evidence(pairs)
+        missed = self._missed_motion(evidence, slip, len(pairs))
         if missed is not None:
             self._ekf.inflate(np.outer(missed, missed))
-            prepared = self._ekf.innovation(pairs.columns, pairs.jacobian)
+            prepared = pairs.innovation(self._ekf)
+        elif evidence.any_way()[0] > _ODD_CHI2:
+            self._odd_frames += 1
+            return False
+        self._odd_frames = 0
+        self._ekf.loosen(pairs.landmark, pairs.loose_m)
         noise = pairs.noise / self._weights(pairs, prepared[1])[:, None, None]
         self._ekf.update(pairs.columns, pairs.jacobian, pairs.residual, noise, prepared)
+        return True
 
-    def _missed_motion(self, pairs: Pairs, forward: np.ndarray) -> np.ndarray | None:
-        """Pose error (3,) that no honest odometry leaves: slip, or a push from the side."""
-        if len(pairs) < self._config.consensus:
+    def _missed_motion(
+        self, evidence: PoseEvidence, slip: np.ndarray, count: int
+    ) -> np.ndarray | None:
+        """Pose error (3,) that no honest odometry leaves: slip, or a push that lasts."""
+        if count < self._config.consensus:
             return None
-        evidence = pose_evidence(pairs)
-        chi2, error = evidence.along(forward)
-        if chi2 > self._config.slip_chi2:
-            return error
+        length = float(np.hypot(*slip[:2]))
+        if length > 0.0:
+            chi2, error = evidence.along(slip / length)
+            back_m = float(error @ slip) / length  # wheels that slip promise too much, never less
+            if chi2 > self._config.slip_chi2 and 0.0 < back_m < _MAX_SLIP_M:
+                return error
         chi2, error = evidence.any_way()
-        return error if chi2 > _ANY_MOVE_CHI2 else None
+        pushed = self._odd_frames >= _ODD_FRAMES and count >= 2 * self._config.consensus
+        return error if chi2 > _ODD_CHI2 and pushed else None
 
     def _weights(self, pairs: Pairs, hph: np.ndarray) -> np.ndarray:
         """Huber's weights (p,) from each pair's own innovation."""

@@ -39,7 +39,7 @@ class Slam:
         self._history = PoseHistory()
         self._mark: Mark | None = None
         self._twist = (0.0, 0.0, 0.0)  # per second, for coasting
-        self._travel_m = self._moved_m = self._turned_rad = 0.0  # since the last correction
+        self._ahead_m = self._moved_m = self._turned_rad = 0.0  # since the last correction
 
     def odometry(self, event: WheelTravel | ImuSample) -> None:
         """Take in wheel travel or a turn rate; cheap, the filter moves at the next frame."""
@@ -110,19 +110,24 @@ class Slam:
         self._calibrator.learn(interval)
         x, y, yaw = increment.previous_from_current.log()
         self._twist = (x / span_s, y / span_s, yaw / span_s)
-        self._travel_m += interval.travel_m
+        self._ahead_m += x
         self._moved_m += math.hypot(x, y)
         self._turned_rad += abs(yaw)
         self._mark = self._odometry.buffer.mark(t_ns)
 
     def _correct(self, seen: Seen) -> None:
         moved = self._moved_m >= self._config.min_move_m
-        if moved or self._turned_rad >= self._config.min_turn_rad:
-            observations = collect(seen.landmarks, self._config.noise_factor)
-            self._map.correct(observations, seen.t_ns, self._travel_m)
-            self._travel_m = self._moved_m = self._turned_rad = 0.0
-        if seen.marker is not None:
+        moved |= self._turned_rad >= self._config.min_turn_rad
+        if seen.marker is not None and (moved or not self._map.marker_known):
             self._map.correct_by_marker(seen.marker)
+        if moved:
+            observations = collect(
+                seen.landmarks,
+                self._config.range_noise_factor,
+                self._config.bearing_noise_factor,
+            )
+            self._map.correct(observations, seen.t_ns, self._ahead_m)
+            self._ahead_m = self._moved_m = self._turned_rad = 0.0
 
     def _remember(self) -> None:
         assert self._mark is not None
