@@ -79,7 +79,9 @@ def test_a_chair_leg_survives_the_rays_that_pass_beside_it():
     around = [cell(view, 1.0 + dx, dy) for dx in (-0.025, 0, 0.025) for dy in (-0.025, 0, 0.025)]
     assert OCCUPIED in around
     ys, xs = np.nonzero(view.cells == OCCUPIED)
-    near = np.hypot((xs + 0.5) * 0.025 + view.origin_x_m - 1.0, (ys + 0.5) * 0.025 + view.origin_y_m)
+    near = np.hypot(
+        (xs + 0.5) * 0.025 + view.origin_x_m - 1.0, (ys + 0.5) * 0.025 + view.origin_y_m
+    )
     assert (near < 0.3).sum() <= 20, "the leg must not grow into a block"
 
 

@@ -13,7 +13,9 @@ from robot.messages import Grid
 
 def drive(swept, length_m, yaw_rad, start=(0.0, 0.0), step_m=0.005):
     for d in np.arange(0.0, length_m + 1e-9, step_m):
-        swept.sweep(SE2(start[0] + d * math.cos(yaw_rad), start[1] + d * math.sin(yaw_rad), yaw_rad))
+        swept.sweep(
+            SE2(start[0] + d * math.cos(yaw_rad), start[1] + d * math.sin(yaw_rad), yaw_rad)
+        )
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.3, math.pi / 4, 2.0, -3.0])
