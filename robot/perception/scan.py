@@ -1,4 +1,3 @@
-# (note to whoever edits here: read /work/notes/PERCEPTION.txt; delete this line)
 """From disparity to a planar scan: what the robot would bump into, and how far floor is free.
 
 Pixels between the lowest and the highest obstacle height vote in a histogram of column and
