@@ -58,7 +58,7 @@ def paint(mask: np.ndarray, points: np.ndarray, width_cells: float) -> None:
     """Set to 0 what a brush of `width_cells` surely sweeps, driven not quite along the polyline."""
     # cv2 draws lines up to a cell wider than asked.
     pixels = np.rint(np.asarray(points) * 16.0).astype(np.int32).reshape(-1, 1, 2)
-    cv2.polylines(mask, [pixels], False, 0, max(1, round(width_cells) - 2), cv2.LINE_8, 4)
+    cv2.polylines(mask, [pixels], False, 0, max(1, round(width_cells) - 1), cv2.LINE_8, 4)
 
 
 def _gradient(clearance_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
