@@ -41,6 +41,7 @@ class HostInputs:
     charging: bool = False
     battery_mv: int = 16000
     current_ma: int = 0
+    more_contacts: int = 0  # further `ContactBit`s: single cliff sensors
 
     def contacts(self) -> int:
         """The switches as `ContactBit`s; one cliff stands for the two front sensors."""
@@ -50,6 +51,7 @@ class HostInputs:
             | (ContactBit.CLIFF_FRONT_LEFT | ContactBit.CLIFF_FRONT_RIGHT) * self.cliff
             | ContactBit.WHEEL_DROP * self.wheel_drop
             | ContactBit.CHARGING * self.charging
+            | self.more_contacts
         )
 
 

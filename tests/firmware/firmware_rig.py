@@ -44,6 +44,7 @@ class Rig:
         self.speed_mps = [0.0, 0.0]
         self.travel_m = [0.0, 0.0]
         self.blocked = False
+        self.encoder_signs = [1, 1]
         self.time_ms = 0
         self.seq = 0
         self.packets: list[Packet] = []
@@ -108,7 +109,10 @@ class Rig:
             wanted = 0.0 if self.blocked else pwm * self.gains[side] * FULL_SPEED_MPS
             self.speed_mps[side] += (wanted - self.speed_mps[side]) * dt_s / self.lag_s
             self.travel_m[side] += self.speed_mps[side] * dt_s
-        left, right = (_ticks(travel) for travel in self.travel_m)
+        left, right = (
+            _ticks(sign * travel)
+            for sign, travel in zip(self.encoder_signs, self.travel_m, strict=True)
+        )
         self.inputs = replace(self.inputs, left_ticks=left, right_ticks=right)
 
     # ------------------------------------------------------------------ phrases

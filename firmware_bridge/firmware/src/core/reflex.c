@@ -23,11 +23,15 @@ static bool forward(const struct wheel *w)
     return (w->target_um_s > 0) || (w->setpoint_um_s > 0);
 }
 
+/* Driven, but the encoder does not move that way: blocked, unplugged, or connected backwards (then
+ * the loop would push ever harder). */
 static bool stalled(const struct wheel *w)
 {
-    bool driven = (magnitude(w->setpoint_um_s) >= STALL_ORDER_UM_S) ||
-                  (magnitude(w->pwm) >= STALL_PWM);
-    return driven && (magnitude(w->speed_um_s) < STALL_SPEED_UM_S);
+    bool ordered = magnitude(w->setpoint_um_s) >= STALL_ORDER_UM_S;
+    bool driven = ordered || (magnitude(w->pwm) >= STALL_PWM);
+    bool backwards = ordered ? (w->setpoint_um_s < 0) : (w->pwm < 0);
+    int32_t along_um_s = backwards ? -w->speed_um_s : w->speed_um_s;
+    return driven && (along_um_s < STALL_SPEED_UM_S);
 }
 
 uint8_t reflexes_check(struct reflexes *r, const struct inputs *in, const struct wheel *left,
