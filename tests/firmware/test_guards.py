@@ -280,3 +280,21 @@ def test_everything_holds_while_the_clock_wraps(firmware_binary: Path) -> None:
         assert rig.step(1).brush_pwm == 0.0
         rig.step(500)
         assert rig.ask(FORWARD) == Result.NO_SESSION
+
+
+@pytest.mark.parametrize("pin", ["bump_left", "bump_right", "cliff"])
+def test_not_one_step_towards_a_pressed_switch(armed: Rig, pin: str) -> None:
+    armed.step(**{pin: True})
+    armed.send(FORWARD)
+    for _ in range(25):
+        out = armed.step()
+        assert out.left_pwm == out.right_pwm == out.brush_pwm == 0.0
+
+
+@pytest.mark.parametrize("speeds", [(1, 0), (0, 1), (-1, 0), (0, -1)])
+def test_one_moving_wheel_is_enough_to_latch_an_expired_order(
+    armed: Rig, speeds: tuple[int, int]
+) -> None:
+    armed.send(Drive(*speeds, 0, 0, 50))
+    armed.step(60)
+    assert armed.latch[0] == StopReason.EXPIRED

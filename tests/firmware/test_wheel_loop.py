@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from firmware_rig import Rig
 
-from firmware_bridge.messages import Drive
+from firmware_bridge.messages import Drive, Stop
 
 
 def speeds(rig: Rig, target_mm_s: int, ms: int) -> list[float]:
@@ -91,3 +91,22 @@ def test_encoder_wrap_is_no_jump(armed: Rig) -> None:
     assert armed.inputs.left_ticks < 0  # it did wrap
     assert max(pwm) < 0.65
     assert pwm[-1] == pytest.approx(0.2 / 0.6, abs=0.05)
+
+
+def test_a_stop_leaves_nothing_in_the_integral(armed: Rig) -> None:
+    armed.gains = [0.5, 0.5]
+    armed.drive(250, 250, 1500)  # twice the feed-forward: the other half is the integral's
+    armed.ask(Stop())
+    armed.step(300)
+    armed.clear()
+    armed.send(Drive(20, 20, 0, 0, 100))
+    assert armed.step(15).left_pwm < 0.25
+
+
+@pytest.mark.parametrize("ticks", [3_000, 500_000, 429_497, 2**31 - 2_000])
+def test_a_jumping_counter_does_not_overflow(armed: Rig, ticks: int) -> None:
+    """After a fault of the counter, any jump ahead is a high speed ahead: the loop pushes back."""
+    armed.drive(100, 100, 300)
+    armed.travel_m = [ticks / 5000] * 2
+    pwm = [armed.step().left_pwm for _ in range(50)]
+    assert pwm.count(-1.0) >= 38  # as long as the jump is in the window of 40 ms
