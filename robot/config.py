@@ -32,7 +32,7 @@ class RobotConfig(Section):
     brush_width_m: Positive = 0.20
     track_width_m: Positive = 0.23
     cruise_mps: Annotated[float, Meta(gt=0.0, le=0.5)] = 0.25
-    max_yaw_rate_radps: Annotated[float, Meta(gt=0.0, le=3.0)] = 1.2
+    max_yaw_rate_radps: Annotated[float, Meta(gt=0.0, le=3.0)] = 1.6
     i2c_bus: Annotated[int, Meta(ge=0, le=30)] = 1  # of the gyro
     dock_marker_id: Annotated[int, Meta(ge=0, le=49)] = 7  # ArUco dictionary 4x4_50
     dock_marker_size_m: Positive = 0.09
@@ -152,8 +152,8 @@ class MappingConfig(Section):
 class PlanningConfig(Section):
     """Coverage and routes."""
 
-    margin_m: NotNegative = 0.003  # kept between the robot's rim and what is mapped
-    thin_margin_m: NotNegative = 0.015  # more of it beside legs and other thin things
+    margin_m: NotNegative = 0.016  # kept between the robot's rim and what is mapped
+    thin_margin_m: NotNegative = 0.008  # more of it beside legs and other thin things
     min_passage_m: NotNegative = 0.06  # room to spare in a gap that leads to a small place only
     unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor
     lane_overlap_m: NotNegative = 0.02  # neighbouring lanes share this much of the brush
@@ -188,7 +188,7 @@ class ControlConfig(Section):
     seen_stop_s: Positive = 1.5
     stale_mps: NotNegative = 0.10
     unknown_mps: NotNegative = 0.12
-    near_mps: NotNegative = 0.14  # while something may graze the robot's side
+    near_mps: NotNegative = 0.22  # beside something; it is met with less than half the speed
     touch_mps: Annotated[float, Meta(gt=0.0, le=0.15)] = 0.08  # with no free distance left
     back_mps: Annotated[float, Meta(gt=0.0, le=0.15)] = 0.12
     reaction_s: NotNegative = 0.2

@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import cv2
+
 from robot.body.control import ControlSocket
 from robot.body.live import LiveBody
 from robot.body.notify import Notifier
@@ -98,6 +100,7 @@ def _simulated(
     from robot.sim.render_process import RenderProcess
 
     build = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="sweeper-")))
+    cv2.setNumThreads(1)  # two cores are busy with drawing, seeing and thinking side by side
     camera = config.camera.stereo_camera()
     renderer = RenderProcess(options.scene, camera, config.sim, options.seed)
     stack.callback(renderer.close)

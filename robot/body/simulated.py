@@ -1,9 +1,9 @@
 """The simulated body: the built-in world around the real firmware, bridge and perception.
 
 Physics runs in steps of 5 ms in lock-step with the motor controller's firmware, which is built for
-the host and spoken to over a real pseudo-terminal. Frames are rendered in a second process.
-Workers run inline and their answers arrive after a fixed simulated latency, so a seed always gives
-the same life.
+the host and spoken to over a real pseudo-terminal. Frames are rendered in a second process and
+perceived in a second thread, as on the robot. Answers of workers arrive after a fixed simulated
+latency, however long they took, so a seed always gives the same life.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,7 @@ from robot.messages import (
     PlanOrder,
     Request,
     Seen,
+    StereoFrame,
     Tick,
 )
 from robot.planning.worker import plan
@@ -79,7 +81,8 @@ class SimulatedBody:
         self._transport = SerialTransport(firmware.port, config.link.baud)
         self._wheels = WheelBridge(Link(self._transport), config.robot, config.link)
         self._frame_ns = int(NS / config.camera.rate_hz)
-        self._pending: deque[tuple[int, float]] = deque()  # (arrives_ns, yaw since last frame)
+        self._eyes = ThreadPoolExecutor(1, "perception")
+        self._pending: deque[tuple[int, Future[tuple[StereoFrame, Seen]]]] = deque()
         self._planned: deque[tuple[int, Planned]] = deque()
         self._yaw_since_frame_rad = 0.0
         self._pwm = (0.0, 0.0)
@@ -124,6 +127,7 @@ class SimulatedBody:
 
     def close(self) -> None:
         """Close the serial port; the processes belong to whoever started them."""
+        self._eyes.shutdown(cancel_futures=True)
         self._transport.close()
 
     # ------------------------------------------------------------------ parts of a tick
@@ -159,16 +163,23 @@ class SimulatedBody:
         yield sample
 
     def _expose(self, now_ns: int, seq: int) -> None:
-        """Take a picture: the renderer draws it while the world goes on."""
+        """Take a picture: it is drawn and perceived while the world goes on."""
         self._renderer.request(now_ns, seq, self._base.world_from_base)
-        self._pending.append((now_ns + SEEN_LATENCY_NS, self._yaw_since_frame_rad))
+        arrives_ns = now_ns + SEEN_LATENCY_NS
+        seen = self._eyes.submit(self._see, arrives_ns, self._yaw_since_frame_rad)
+        self._pending.append((arrives_ns, seen))
         self._yaw_since_frame_rad = 0.0
         self._recorder.truth(now_ns, self._base_from_scene @ self._base.world_from_base)
 
     def _answers(self, now_ns: int) -> Iterator[Event]:
         """What the workers have finished by now."""
         while self._pending and self._pending[0][0] <= now_ns:
-            seen = self._see(*self._pending.popleft())
+            before_ns = time.perf_counter_ns()
+            frame, seen = self._pending.popleft()[1].result()
+            self._timed("wait_seen", before_ns)
+            if self._record_frames:
+                self._recorder.frame(frame)
+            self.frames += 1
             before_ns = time.perf_counter_ns()
             yield seen
             self._timed("brain_seen", before_ns)
@@ -176,14 +187,10 @@ class SimulatedBody:
             arrives_ns, answer = self._planned.popleft()
             yield replace(answer, t_ns=arrives_ns)
 
-    def _see(self, arrives_ns: int, yaw_change_rad: float) -> Seen:
-        before_ns = time.perf_counter_ns()
+    def _see(self, arrives_ns: int, yaw_change_rad: float) -> tuple[StereoFrame, Seen]:
+        """The oldest picture asked for, and what is seen in it. Runs in the eyes' thread."""
         frame, disparity_px = self._renderer.result(yaw_change_rad)
-        self._timed("wait_render", before_ns)
-        if self._record_frames:
-            self._recorder.frame(frame)
-        self.frames += 1
-        return self._perception.see(frame, arrives_ns, given=disparity_px)
+        return frame, self._perception.see(frame, arrives_ns, given=disparity_px)
 
     def _timed(self, stage: str, started_ns: int) -> None:
         """Note the wall time of one passage of `stage`, for the summary."""

@@ -147,8 +147,10 @@ class Sight:
             touch_m = _free_m(x, y, curvature, wide, witnesses)
             graze_m = min(graze_m, touch_m)
             if math.isfinite(touch_m):
+                # Slim at the sides, where it only grazes, but not in front.
                 slim = self._robot.radius_m - self._control.graze_m
-                body_m = min(body_m, _free_m(x, y, curvature, slim, witnesses))
+                slim_m = _free_m(x, y, curvature, slim, witnesses) - self._control.graze_m
+                body_m = min(body_m, max(0.0, slim_m))
         return Corridor(body_m, graze_m)
 
     def nearest_ahead_m(self, odom_from_base: SE2, free_m: float, direction: int) -> np.ndarray:

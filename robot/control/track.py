@@ -125,8 +125,9 @@ def _radius_m(i: int, turn: list[float], length: list[float], control: ControlCo
         return 0.0
     room_m = 0.5 * min(length[i], length[i + 1])
     cut_limit = control.corner_cut_m / (1.0 / math.cos(half) - 1.0)
-    limit = math.inf if _in_hairpin(i, turn, length) else cut_limit
-    radius = min(control.corner_radius_m, room_m / math.tan(half), limit)
+    # A hairpin's arcs must fit the link between its lanes; a slight bend may be as wide as it can.
+    limit = control.corner_radius_m if _in_hairpin(i, turn, length) else cut_limit
+    radius = min(room_m / math.tan(half), limit)
     return radius if radius >= MIN_RADIUS_M else 0.0
 
 

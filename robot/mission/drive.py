@@ -10,7 +10,7 @@ from robot.geometry.se2 import SE2
 from robot.messages import Grid, Path
 from robot.mission.state import Situation, seconds
 
-BLOCKED_FREE_M = 0.035  # less free way than this is none
+BLOCKED_FREE_M = 0.015  # less free way than this is none
 BLOCKED_S = 0.4
 LOOK_AHEAD_M = 0.7
 LOOK_EVERY_S = 0.4

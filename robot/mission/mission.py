@@ -98,7 +98,7 @@ class Mission:
         state, config = self.state, now.config
         trouble = self._trouble(now) if state.guarded else None
         if trouble is not None:
-            self._change(now, Recover(trouble[0], state), trouble[1])
+            self._change(now, Recover(trouble[0], state.after_trouble), trouble[1])
             return
         blind_s = self._denied_s(now)
         if blind_s > config.denied_give_up_s:

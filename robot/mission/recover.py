@@ -24,6 +24,7 @@ TURN_DONE_RAD = 0.1
 PIVOT_RADPS, PIVOT_TIMEOUT_S, PIVOT_FREE_S = 0.8, 4.0, 0.2
 MAX_BACK_M = 0.3
 RETRACE_FROM, RETRACE_M = 3, 0.4
+GRAZE_BACK_M, GRAZE_TURN_RAD = 0.03, 0.25  # a wall brushed with one side needs no more
 SAYS = {
     "bump": "touched something",
     "cliff": "came to a cliff",
@@ -34,7 +35,9 @@ SAYS = {
 }
 SIDES_RAD = {"left": (0.0, 1.5), "right": (-1.5, 0.0), "front": (-0.5, 0.5)}
 TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was touched
-TOUCH_WIDTH_RAD = 0.15
+TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
+TOUCH_HALF_M = 0.025  # half the width of what is marked at least
+STRIP_M = 0.12  # of a wall, to either side, at the first touch
 
 
 class Recover(State):
@@ -68,6 +71,9 @@ class Recover(State):
         if self._kind == "cliff":
             self._back_m *= 1.5
         self._back_m = min(self._back_m, MAX_BACK_M)
+        if self._grazes(now):
+            self._back_m = GRAZE_BACK_M
+        run.trail.cut(GRAZE_BACK_M)
         self._mark(now)
 
     def tick(self, now: Situation) -> Step:
@@ -114,7 +120,7 @@ class Recover(State):
         if abs(error) < TURN_DONE_RAD or late or now.touching or now.contact.cliff:
             now.run.trouble_at_m = now.driven_m
             if self._kind == "enclosed" or self._try >= RETRACE_FROM:
-                back = Retrace(RETRACE_M * self._try, self._resume)
+                back = Retrace(RETRACE_M * (self._try - RETRACE_FROM + 1), self._resume)
                 return Step(then=back, reason="backing off is not enough, going back its own way")
             return Step(then=self._resume, reason="free again, making a new plan")
         return Step(Wish(0.0, turn_rate_radps(error, now.robot), reason="turning away"))
@@ -127,9 +133,16 @@ class Recover(State):
         if self._try == 1 and self._kind in ("blocked", "stop"):
             return 0.0
         angle = min(0.5 * self._try, 0.9 * math.pi)
+        if self._grazes(now):
+            angle = GRAZE_TURN_RAD
         if now.contact.bump_left != now.contact.bump_right:
             return -angle if now.contact.bump_left else angle
         return angle if self._try % 2 else -angle
+
+    def _grazes(self, now: Situation) -> bool:
+        """Whether this is the first touch here, and with one side only."""
+        one_side = now.contact.bump_left != now.contact.bump_right
+        return self._kind == "bump" and self._try == 1 and one_side
 
     def _mark(self, now: Situation) -> None:
         """Write into the map what was met, so that the next plan avoids it."""
@@ -137,7 +150,7 @@ class Recover(State):
         if self._kind in ("bump", "stuck"):
             side = "front" if contact.bump_left == contact.bump_right else "left"
             side = "right" if side == "left" and contact.bump_right else side
-            now.grid.mark_obstacle(_touched(now, *SIDES_RAD[side]))
+            now.grid.mark_obstacle(_touched(now, *SIDES_RAD[side], STRIP_M * self._try))
         elif self._kind == "cliff":
             now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
         elif self._kind == "blocked":
@@ -146,23 +159,28 @@ class Recover(State):
             now.grid.mark_obstacle(world_from_odom.apply(points))
 
 
-def _touched(now: Situation, low_rad: float, high_rad: float) -> np.ndarray:
+def _touched(now: Situation, low_rad: float, high_rad: float, strip_m: float) -> np.ndarray:
     """Points (n, 2) of `world` where the bumper met something between two bearings.
 
-    If the map knows matter close to the rim there, that is what was touched; otherwise the middle
-    of the side is as good a guess as any. Marking more would close narrow passages.
+    If the map knows matter close to the rim there, that is what was touched, and as much of it as
+    lies along the touched tangent within `strip_m` is moved there: the map was off. Otherwise the
+    middle of the side is as good a guess as any. Marking more would close narrow passages.
     """
     guess = 0.4 * (low_rad + high_rad)
-    known = matter_near(now.view, now.pose, now.robot.radius_m + TOUCH_REACH_M)
-    if len(known):
-        at = now.pose.inverse().apply(known)
-        away = np.hypot(at[:, 0], at[:, 1])
-        bearing = np.arctan2(at[:, 1], at[:, 0])
-        close = away < now.robot.radius_m + TOUCH_REACH_M
-        close &= (bearing >= low_rad - 0.1) & (bearing <= high_rad + 0.1)
-        if close.any():
-            guess = float(bearing[close][np.argmin(away[close])])
-    return _rim(now, guess + TOUCH_WIDTH_RAD * np.array([-1.0, 0.0, 1.0]), 0.005)
+    rim_m = now.robot.radius_m + TOUCH_GAP_M
+    known = matter_near(now.view, now.pose, rim_m + strip_m)
+    at = now.pose.inverse().apply(known)
+    away, bearing = np.hypot(at[:, 0], at[:, 1]), np.arctan2(at[:, 1], at[:, 0])
+    close = away < now.robot.radius_m + TOUCH_REACH_M
+    close &= (bearing >= low_rad - 0.1) & (bearing <= high_rad + 0.1)
+    if close.any():
+        guess = float(bearing[close][np.argmin(away[close])])
+    normal = np.array([math.cos(guess), math.sin(guess)])
+    tangent = np.array([-normal[1], normal[0]])
+    beyond, along = at @ normal - rim_m, at @ tangent
+    wall = (np.abs(beyond) < TOUCH_REACH_M) & (np.abs(along) < strip_m)
+    strip = np.outer(np.append(along[wall], [-TOUCH_HALF_M, 0.0, TOUCH_HALF_M]), tangent)
+    return now.pose.apply(strip + rim_m * normal)
 
 
 def _rim(now: Situation, bearing: np.ndarray, beyond_m: float) -> np.ndarray:

@@ -23,6 +23,11 @@ class Retrace(State):
         self._resume = resume
         self._follower: Follower | None = None
 
+    @property
+    def after_trouble(self) -> State:
+        """Its own way has failed as well: a new plan."""
+        return self._resume
+
     def enter(self, now: Situation) -> None:
         self._since_ns = now.t_ns
         here = np.array([[now.odom.x_m, now.odom.y_m]])

@@ -90,6 +90,11 @@ class State:
     guarded = True  # a contact or a latched stop leads to recovery
     leaves_trail = False  # its way may be gone back
 
+    @property
+    def after_trouble(self) -> State:
+        """What goes on after a recovery from trouble in this state."""
+        return self
+
     def enter(self, now: Situation) -> None:
         """Called once, before the first tick in this state."""
 

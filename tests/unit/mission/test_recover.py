@@ -75,11 +75,31 @@ def test_a_bump_is_cleared_marked_backed_off_from_and_turned_away_from(left, sig
     life.recover("bump")
     assert sum(isinstance(o, ClearOrder) for o in life.now.orders) == 1
     assert life.step.then is life.resume
-    assert life.now.odom.x_m == pytest.approx(-CONFIG.mission.back_off_m, abs=0.02)
-    assert sign * life.now.odom.yaw_rad > 0.3
+    assert -CONFIG.mission.back_off_m < life.now.odom.x_m < -0.02
+    assert 0.1 < sign * life.now.odom.yaw_rad < 0.4
     marked = occupied(life.now.grid.snapshot())
     assert len(marked) and np.all(np.hypot(*marked.T) > CONFIG.robot.radius_m - 0.02)
     assert np.all(np.sign(marked[:, 1]) == (1 if left else -1))
+
+
+def test_a_bump_with_the_front_is_backed_off_from_farther():
+    life = Life(Contact(0, bump_left=True, bump_right=True))
+    life.recover("bump")
+    assert life.now.odom.x_m == pytest.approx(-CONFIG.mission.back_off_m, abs=0.02)
+    assert abs(life.now.odom.yaw_rad) > 0.3
+
+
+def test_a_brushed_wall_is_moved_to_where_it_was_touched():
+    life = Life(Contact(0, bump_left=True))
+    x = np.arange(-0.3, 0.3, 0.02)
+    wall = np.stack([x, np.full_like(x, CONFIG.robot.radius_m + 0.04)], axis=-1)
+    life.now.grid.mark_obstacle(wall)
+    life.now.view = life.now.grid.snapshot()
+    life.recover("bump")
+    nearest = [y for x, y in occupied(life.now.grid.snapshot()) if abs(x) < 0.1]
+    assert min(nearest) < CONFIG.robot.radius_m + 0.02
+    far = [y for x, y in occupied(life.now.grid.snapshot()) if abs(x) > 0.2]
+    assert min(far) > CONFIG.robot.radius_m + 0.02
 
 
 @pytest.mark.parametrize(("left", "sign"), [(True, -1.0), (False, 1.0)])
