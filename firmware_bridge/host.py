@@ -130,16 +130,17 @@ class HostFirmware:
     """
 
     def __init__(self, binary: Path, *, boot: int = 1, piece_us: int = 5000) -> None:
+        self._start([str(binary), str(boot), str(piece_us)])
+
+    def _start(self, command: list[str]) -> None:
+        """Run a board that speaks the records of `step`."""
         try:
             self._process = subprocess.Popen(
-                [str(binary), str(boot), str(piece_us)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                bufsize=0,
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
             )
         except OSError as error:
             raise BridgeError(
-                f"{binary}: the host firmware does not start ({error}); build it again."
+                f"{command[0]}: the firmware does not start ({error}); build it again."
             ) from None
         assert self._process.stdin is not None and self._process.stdout is not None
         self._in, self._out = self._process.stdin.fileno(), self._process.stdout.fileno()
@@ -151,7 +152,11 @@ class HostFirmware:
         `bytes_sent` is what the host has written to the port since the start; the firmware reads
         all of it first. Between pieces of a longer step encoder counts are interpolated.
         """
-        record = _STEP_IN.pack(
+        return self._exchange(self._record(dt_us, inputs, bytes_sent))
+
+    @staticmethod
+    def _record(dt_us: int, inputs: HostInputs, bytes_sent: int) -> bytes:
+        return _STEP_IN.pack(
             dt_us,
             inputs.left_ticks,
             inputs.right_ticks,
@@ -160,6 +165,8 @@ class HostFirmware:
             inputs.current_ma,
             inputs.contacts(),
         )
+
+    def _exchange(self, record: bytes) -> HostOutputs:
         try:
             os.write(self._in, record)
         except OSError:

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from firmware_rig import Rig
+from firmware_rig import Rig, emulated_rig
 
+from firmware_bridge.board import build_emulator, build_image
 from firmware_bridge.errors import BridgeError
 from firmware_bridge.host import build_host_firmware, find_compiler
 
@@ -26,6 +27,24 @@ def firmware_binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
     except BridgeError as error:
         pytest.skip(str(error))
     return build_host_firmware(tmp_path_factory.mktemp("firmware"))
+
+
+@pytest.fixture(scope="session")
+def emulated_board(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Emulator and ATmega328P image; the tests are skipped where simavr or avr-gcc is missing."""
+    folder = tmp_path_factory.mktemp("board")
+    try:
+        return build_emulator(folder), build_image(folder)
+    except BridgeError as error:
+        pytest.skip(f"simavr or avr-gcc is missing: {error}")
+
+
+@pytest.fixture
+def emulated(emulated_board: tuple[Path, Path]) -> Iterator[Rig]:
+    """The real image on an emulated board with geared motors, armed."""
+    with emulated_rig(emulated_board) as made:
+        made.arm()
+        yield made
 
 
 @pytest.fixture

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from firmware_bridge.board import EmulatedFirmware
 from firmware_bridge.codec import Packet, pack, unpack
 from firmware_bridge.framing import FrameDecoder, encode_frame
 from firmware_bridge.host import HostFirmware, HostInputs, HostOutputs
@@ -32,8 +34,15 @@ SESSION = 7
 class Rig:
     """Owns a firmware process; `inputs` are its pins, kept up by `step`."""
 
-    def __init__(self, binary: Path, *, boot: int = 1, piece_us: int = 5000) -> None:
-        self.firmware = HostFirmware(binary, boot=boot, piece_us=piece_us)
+    def __init__(
+        self,
+        binary: Path,
+        *,
+        boot: int = 1,
+        piece_us: int = 5000,
+        firmware: HostFirmware | None = None,
+    ) -> None:
+        self.firmware = firmware or HostFirmware(binary, boot=boot, piece_us=piece_us)
         self.transport = SerialTransport(self.firmware.port)
         assert self.transport.open(), self.transport.problem
         self.decoder = FrameDecoder()
@@ -41,13 +50,15 @@ class Rig:
         self.outputs = HostOutputs(0.0, 0.0, 0.0, 0.0, 0)
         self.gains = [1.0, 1.0]  # share of FULL_SPEED_MPS at full PWM
         self.lag_s = 0.05
+        self.friction_mps2 = 0.0  # what a gearbox takes, however slow it turns
         self.speed_mps = [0.0, 0.0]
         self.travel_m = [0.0, 0.0]
         self.blocked = False
         self.encoder_signs = [1, 1]
-        self.time_ms = 0
+        self.time_us = 0
         self.seq = 0
         self.packets: list[Packet] = []
+        self.answer_ms = 1  # how long an order and its answer take
 
     def __enter__(self) -> Rig:
         return self
@@ -69,12 +80,15 @@ class Rig:
         return self.seq
 
     def ask(self, message: Message, *, session: int = SESSION) -> Result:
-        """Send an order, let 1 ms pass, and return what became of it."""
-        seq = self.send(message, session=session)
-        self.step()
-        answers = [a for a in self.heard(Ack) if a.order == seq]
-        assert len(answers) == 1
-        return Result(answers[0].result)
+        """Send an order, let its answer come, and return what became of it."""
+        seq, before = self.send(message, session=session), len(self.heard(Ack))
+        for _ in range(self.answer_ms):
+            self.step()
+            answers = [a for a in self.heard(Ack)[before:] if a.order == seq]
+            if answers:
+                assert len(answers) == 1
+                return Result(answers[0].result)
+        raise AssertionError(f"no answer to {message}")
 
     def heard(self, kind: type[M]) -> list[M]:
         """All messages of one kind so far."""
@@ -92,11 +106,15 @@ class Rig:
 
     def step(self, ms: int = 1, **pins: float | bool) -> HostOutputs:
         """Let time pass, a millisecond at a time, with changed pins."""
+        return self.advance(ms, 1000, **pins)
+
+    def advance(self, steps: int, step_us: int, **pins: float | bool) -> HostOutputs:
+        """The same in steps of another length."""
         self.inputs = replace(self.inputs, **pins)  # type: ignore[arg-type]
-        for _ in range(ms):
-            self.outputs = self.firmware.step(1000, self.inputs, self.transport.bytes_sent)
-            self._move(0.001)
-            self.time_ms += 1
+        for _ in range(steps):
+            self.outputs = self.firmware.step(step_us, self.inputs, self.transport.bytes_sent)
+            self._move(step_us * 1e-6)
+            self.time_us += step_us
         self.transport.read_until(self.outputs.bytes_sent_by_mcu)
         for body in self.decoder.feed(self.transport.read()):
             packet = unpack(body)
@@ -107,8 +125,12 @@ class Rig:
     def _move(self, dt_s: float) -> None:
         for side, pwm in enumerate((self.outputs.left_pwm, self.outputs.right_pwm)):
             wanted = 0.0 if self.blocked else pwm * self.gains[side] * FULL_SPEED_MPS
-            self.speed_mps[side] += (wanted - self.speed_mps[side]) * dt_s / self.lag_s
-            self.travel_m[side] += self.speed_mps[side] * dt_s
+            speed = self.speed_mps[side]
+            speed += (wanted - speed) * dt_s / self.lag_s
+            drag = self.friction_mps2 * dt_s
+            speed = 0.0 if abs(speed) <= drag else speed - math.copysign(drag, speed)
+            self.speed_mps[side] = speed
+            self.travel_m[side] += speed * dt_s
         left, right = (
             _ticks(sign * travel)
             for sign, travel in zip(self.encoder_signs, self.travel_m, strict=True)
@@ -120,7 +142,7 @@ class Rig:
     def arm(self) -> None:
         """Open the session and clear what is latched."""
         self.send(Hello(PROTOCOL_VERSION))
-        self.step()
+        self.step(self.answer_ms)
         self.clear()
 
     def clear(self) -> None:
@@ -143,3 +165,16 @@ class Rig:
 def _ticks(travel_m: float) -> int:
     """What a 32-bit encoder counter shows."""
     return (int(travel_m * TICKS_PER_METRE) + 2**31) % 2**32 - 2**31
+
+
+def emulated_rig(board: tuple[Path, Path], **options: str | Path) -> Rig:
+    """A rig around the ATmega328P image (emulator, image), with motors as a gearbox makes them.
+
+    Friction takes a tenth of the full PWM. An order and its answer need 4 ms on the line, and more
+    where telemetry is before them.
+    """
+    rig = Rig(board[0], firmware=EmulatedFirmware(*board, **options))  # type: ignore[arg-type]
+    rig.answer_ms = 20
+    rig.friction_mps2 = 0.1 * FULL_SPEED_MPS / rig.lag_s
+    rig.step(20)  # it starts
+    return rig

@@ -22,9 +22,11 @@ void hal_write(const struct outputs *out);
 /* Next byte from the line; false when there is none. */
 bool hal_receive(uint8_t *byte);
 
-/* Is there room for a byte on its way out? Then hal_transmit takes one. */
-bool hal_can_transmit(void);
-void hal_transmit(uint8_t byte);
+/* There are bytes to send: the line fetches them, in its interrupt, until there are none. */
+void hal_wake_line(void);
+
+/* What the line fetches; main provides it. False when there is none. */
+bool line_next_byte(uint8_t *byte);
 
 /* Everything is well: do not reset. */
 void hal_feed_watchdog(void);

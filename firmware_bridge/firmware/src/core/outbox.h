@@ -1,20 +1,29 @@
-/* Bytes waiting for the line: one writer (the core), one reader (the board, maybe an interrupt).
- * The indices are single bytes that wrap by themselves, so neither side needs a lock. */
+/* Bytes waiting for the line, in two queues: answers to orders go first, telemetry when there are
+ * none; a frame that has begun ends before another one does. One writer (the core), one reader (the
+ * board, maybe an interrupt): the indices are single bytes that wrap by themselves, so neither side
+ * needs a lock. */
 #ifndef CORE_OUTBOX_H
 #define CORE_OUTBOX_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-struct outbox {
+struct ring {
     volatile uint8_t head;
     volatile uint8_t tail;
-    uint16_t dropped; /* frames that did not fit; wraps */
     uint8_t bytes[256];
 };
 
+struct outbox {
+    struct ring answers;
+    struct ring telemetry;
+    bool in_telemetry; /* the reader is inside a frame of telemetry */
+    uint16_t dropped;  /* frames that did not fit; wraps */
+};
+
 /* Frame a body and queue it whole, or drop it whole. */
-void outbox_send(struct outbox *box, const uint8_t *body, uint8_t length);
+void outbox_answer(struct outbox *box, const uint8_t *body, uint8_t length);
+void outbox_stream(struct outbox *box, const uint8_t *body, uint8_t length);
 
 /* Take the next byte; false when there is none. */
 bool outbox_take(struct outbox *box, uint8_t *byte);

@@ -1,13 +1,11 @@
 #include "core/telemetry.h"
 
-static void send(struct controller *c, uint8_t *body, uint8_t id, uint8_t seq, uint16_t session,
-                 uint8_t fields_size)
+static void head(uint8_t *body, uint8_t id, uint8_t seq, uint16_t session)
 {
     body[0] = id;
     body[1] = seq;
     body[2] = (uint8_t)session;
     body[3] = (uint8_t)(session >> 8);
-    outbox_send(&c->outbox, body, (uint8_t)(WIRE_HEADER_SIZE + fields_size));
 }
 
 void telemetry_hello_ack(struct controller *c, uint8_t seq, uint16_t session, uint32_t now_us)
@@ -23,7 +21,8 @@ void telemetry_hello_ack(struct controller *c, uint8_t seq, uint16_t session, ui
         .latch = c->latch,
     };
     wire_pack_hello_ack(&body[WIRE_HEADER_SIZE], &message);
-    send(c, body, WIRE_ID_HELLO_ACK, seq, session, WIRE_SIZE_HELLO_ACK);
+    head(body, WIRE_ID_HELLO_ACK, seq, session);
+    outbox_answer(&c->outbox, body, WIRE_HEADER_SIZE + WIRE_SIZE_HELLO_ACK);
 }
 
 void telemetry_ack(struct controller *c, uint8_t order, uint8_t result, uint32_t now_us)
@@ -38,13 +37,15 @@ void telemetry_ack(struct controller *c, uint8_t order, uint8_t result, uint32_t
     };
     uint16_t session = (result == WIRE_RESULT_NO_SESSION) ? 0u : c->session;
     wire_pack_ack(&body[WIRE_HEADER_SIZE], &message);
-    send(c, body, WIRE_ID_ACK, c->out_seq, session, WIRE_SIZE_ACK);
+    head(body, WIRE_ID_ACK, c->out_seq, session);
+    outbox_answer(&c->outbox, body, WIRE_HEADER_SIZE + WIRE_SIZE_ACK);
     c->out_seq++;
 }
 
 static void stream(struct controller *c, uint8_t *body, uint8_t id, uint8_t fields_size)
 {
-    send(c, body, id, c->out_seq, c->session, fields_size);
+    head(body, id, c->out_seq, c->session);
+    outbox_stream(&c->outbox, body, (uint8_t)(WIRE_HEADER_SIZE + fields_size));
     c->out_seq++;
 }
 

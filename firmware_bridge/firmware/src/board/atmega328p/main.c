@@ -14,9 +14,12 @@ static void serve_line(uint32_t now_us)
     for (uint8_t i = 0; (i < BYTES_A_TURN) && hal_receive(&byte); i++) {
         controller_receive(&controller, byte, now_us);
     }
-    if (hal_can_transmit() && outbox_take(&controller.outbox, &byte)) {
-        hal_transmit(byte);
-    }
+    hal_wake_line();
+}
+
+bool line_next_byte(uint8_t *byte)
+{
+    return outbox_take(&controller.outbox, byte);
 }
 
 int main(void)

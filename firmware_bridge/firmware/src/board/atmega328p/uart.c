@@ -1,4 +1,5 @@
-/* USART0 at 115200 baud (16 MHz, double speed, +2.1 %): received bytes wait in a ring. */
+/* USART0 at 115200 baud (16 MHz, double speed, +2.1 %): received bytes wait in a ring, bytes to send
+ * are fetched as fast as the line takes them. */
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
@@ -13,8 +14,8 @@ static volatile uint8_t tail;
 
 void uart_start(void)
 {
-    UBRR0 = 16;
     UCSR0A = (uint8_t)_BV(U2X0);
+    UBRR0 = 16;
     UCSR0C = (uint8_t)(_BV(UCSZ01) | _BV(UCSZ00));
     UCSR0B = (uint8_t)(_BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0));
 }
@@ -40,12 +41,19 @@ bool hal_receive(uint8_t *byte)
     return true;
 }
 
-bool hal_can_transmit(void)
+/* The data register is empty. */
+ISR(USART_UDRE_vect)
 {
-    return (UCSR0A & _BV(UDRE0)) != 0;
+    uint8_t byte;
+    if (line_next_byte(&byte)) {
+        UDR0 = byte;
+    } else {
+        UCSR0B = (uint8_t)(UCSR0B & (uint8_t)~_BV(UDRIE0));
+    }
 }
 
-void hal_transmit(uint8_t byte)
+/* Should the interrupt above come between reading and writing here, it only comes once more. */
+void hal_wake_line(void)
 {
-    UDR0 = byte;
+    UCSR0B = (uint8_t)(UCSR0B | _BV(UDRIE0));
 }
