@@ -36,6 +36,7 @@ class RobotConfig(Section):
     i2c_bus: Annotated[int, Meta(ge=0, le=30)] = 1  # of the gyro
     dock_marker_id: Annotated[int, Meta(ge=0, le=49)] = 7  # ArUco dictionary 4x4_50
     dock_marker_size_m: Positive = 0.09
+    dock_width_m: Positive = 0.20
 
 
 class CameraConfig(Section):

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from robot.config import RobotConfig
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import SE2
 from robot.mission.rest import give_up
 from robot.mission.state import Latch, Situation, State, Step, seconds
 
 TIMEOUT_S = 20.0
+DOCK_DEPTH_M = 0.10  # so much of its sides is marked; the wall behind it is seen
+MARK_EVERY_M = 0.02
 
 
 class Undock(State):
@@ -26,6 +31,8 @@ class Undock(State):
         if self._docked is None:  # a pause on the way changes nothing
             self._docked = now.odom
             now.sight.world_from_docked = now.pose
+            # Its plate is too low and too dark to be seen well, but where it is was never so sure.
+            now.grid.mark_obstacle(now.pose.apply(_dock_outline(now.robot)))
 
     def tick(self, now: Situation) -> Step:
         if seconds(self._since_ns, now.t_ns) > TIMEOUT_S:
@@ -39,3 +46,13 @@ class Undock(State):
             now.sight.learn(now.t_ns, docked)
             return Step(then="look", reason="out of the dock, looking around")
         return Step(Wish(-now.control.back_mps, 0.0, reason="backing out of the dock"))
+
+
+def _dock_outline(robot: RobotConfig) -> np.ndarray:
+    """Points (n, 2) of `base` along the front and the sides of the dock before the robot."""
+    half_m, front_m = robot.dock_width_m / 2.0, robot.radius_m + MARK_EVERY_M / 2.0
+    y = np.arange(-half_m, half_m + 1e-9, MARK_EVERY_M)
+    x = np.arange(front_m, front_m + DOCK_DEPTH_M, MARK_EVERY_M)
+    front = np.stack([np.full_like(y, front_m), y], axis=-1)
+    sides = [np.stack([x, np.full_like(x, side)], axis=-1) for side in (-half_m, half_m)]
+    return np.vstack([front, *sides])

@@ -21,7 +21,7 @@ from robot.sim.textures import Texture, check_texture, make_texture, marker
 LOWEST_BUMP_M, HIGHEST_BUMP_M = 0.02, 0.10  # between these heights a thing is in the robot's way
 LIGHT_STEP_M = 0.08
 DOCK_PLATE_M = 0.09  # the plate reaches this far out from the marker's face
-DOCK_WIDTH_M, DOCK_HEIGHT_M, PLATE_HEIGHT_M, PANEL_THICK_M = 0.20, 0.17, 0.03, 0.03
+DOCK_HEIGHT_M, PLATE_HEIGHT_M, PANEL_THICK_M = 0.17, 0.03, 0.03
 MARKER_CENTRE_M = 0.09  # above the floor: the height of the eyes
 MARKER_MARGIN = 0.12  # white border, as a share of the printed side
 AMBIENT, LAMP_POWER = 0.75, 1.5
@@ -92,9 +92,9 @@ class Building:
     def dock(self, dock: SE2, robot: RobotConfig) -> None:
         """A panel with the marker, and a low plate with the charge contacts in front of it."""
         back = dock @ SE2(-PANEL_THICK_M / 2, 0.0, 0.0)
-        self.box(back, (PANEL_THICK_M, DOCK_WIDTH_M, DOCK_HEIGHT_M), "dark_wood:7")
+        self.box(back, (PANEL_THICK_M, robot.dock_width_m, DOCK_HEIGHT_M), "dark_wood:7")
         plate = dock @ SE2(DOCK_PLATE_M / 2, 0.0, 0.0)
-        self.box(plate, (DOCK_PLATE_M, DOCK_WIDTH_M, PLATE_HEIGHT_M), "metal:2")
+        self.box(plate, (DOCK_PLATE_M, robot.dock_width_m, PLATE_HEIGHT_M), "metal:2")
         self._made["marker"] = marker(robot.dock_marker_id, MARKER_MARGIN)
         side = robot.dock_marker_size_m * (1.0 + 2.0 * MARKER_MARGIN)
         ends = (dock @ SE2(0.001, 0.0, 0.0)).apply(np.array([[0.0, -side / 2], [0.0, side / 2]]))
