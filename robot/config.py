@@ -87,6 +87,7 @@ class PerceptionConfig(Section):
     landmark_age: Count = 5  # frames that a point must have been followed
     landmark_range_m: Positive = 5.0
     edges: bool = True  # vertical edges beside points
+    edge_every: Count = 2  # frames from one search for them to the next
     max_step_m: Positive = 0.3  # of visual odometry between two frames: more is a mistake
     # dock marker
     marker_every: Count = 3  # frames between two searches while no marker is in sight

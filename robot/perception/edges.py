@@ -48,6 +48,7 @@ class EdgeFinder:
         self._config, self._camera, self._ids = config, camera, ids
         empty, none = np.empty(0), np.empty(0, np.int64)
         self._before = _Followed(empty, empty, none, np.empty((0, 32), np.uint8), none, none, none)
+        self._frames, self._turned_rad = 0, 0.0
 
     def find(
         self,
@@ -59,8 +60,14 @@ class EdgeFinder:
     ) -> list[Landmark]:
         """Landmarks of kind "edge" of one frame (smoothed images, dense disparity (h, w)).
 
-        `yaw_rad` is about how far the robot turned since the last frame.
+        `yaw_rad` is about how far the robot turned since the last frame. Of `edge_every` frames
+        only one is searched: edges are long lived, and cost as much as all points together.
         """
+        self._frames += 1
+        self._turned_rad += yaw_rad
+        if self._frames % self._config.edge_every:
+            return []
+        turned_rad, self._turned_rad = self._turned_rad, 0.0
         here, there = slopes_of(left), slopes_of(right)
         lines = find_lines(here, self._config.image_noise)
         near = _near_disparity(lines, dense_px)
@@ -79,7 +86,7 @@ class EdgeFinder:
             a[inside] for a in (lines.sign, u, disparity, look, width)
         )
         bits = describer.describe(look, width)
-        track_id, age = self._follow(u, disparity, sign, bits, yaw_rad)
+        track_id, age = self._follow(u, disparity, sign, bits, turned_rad)
         return self._landmarks(u, disparity, bits, track_id, age)
 
     def _look_at(self, lines: Lines, u: np.ndarray, disparity: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from synthetic import camera, render, texture
 
 from robot.config import PerceptionConfig
@@ -23,6 +24,7 @@ from robot.perception.vertical_edges import find_lines, slopes_of
 
 CAMERA = camera()
 CONFIG = PerceptionConfig()
+EVERY_FRAME = replace(CONFIG, edge_every=1)
 FLOOR = Floor(CAMERA).plane
 
 
@@ -221,7 +223,7 @@ def test_slanted_short_and_faint_edges_are_no_lines():
 
 @pytest.mark.parametrize("disparity", [6.0, 11.4, 25.7])
 def test_edges_become_landmarks_with_range_and_bearing(disparity):
-    finder = EdgeFinder(CONFIG, CAMERA, TrackIds())
+    finder = EdgeFinder(EVERY_FRAME, CAMERA, TrackIds())
     dense = np.full((240, 320), disparity + 0.3, np.float32)
     numbers = []
     for k in range(CONFIG.landmark_age + 2):
@@ -241,8 +243,19 @@ def test_edges_become_landmarks_with_range_and_bearing(disparity):
         assert near.range_m == pytest.approx(np.hypot(x, y), rel=0.15 / disparity)
 
 
+def test_edges_are_searched_in_every_so_many_frames_only():
+    finder = EdgeFinder(replace(CONFIG, edge_every=3), CAMERA, TrackIds())
+    left, right = bars(10.0)
+    dense = np.full((240, 320), 10.3, np.float32)
+    searched = []
+    for k in range(3 * (CONFIG.landmark_age + 2)):
+        searched += [k] if finder.find(left, right, dense, Describer(left), 0.0) else []
+    first = 3 * CONFIG.landmark_age + 2
+    assert searched == [k for k in (first, first + 3) if k < 3 * (CONFIG.landmark_age + 2)]
+
+
 def test_an_edge_without_its_partner_is_left_out():
-    finder = EdgeFinder(CONFIG, CAMERA, TrackIds())
+    finder = EdgeFinder(EVERY_FRAME, CAMERA, TrackIds())
     left, _ = bars(10.0)
     blank = np.full_like(left, 90)
     for dense in (np.full((240, 320), 10.0, np.float32), np.full((240, 320), np.nan, np.float32)):
