@@ -12,7 +12,7 @@ SEED ?= 1
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: run test test-long lint types firmware messages bench train clean
+.PHONY: run test test-long lint types firmware messages bench train a53 clean
 
 run: $(VENV)/.sim
 	$(BIN)/sweeper run --body sim --scene $(SCENE) --seed $(SEED)
@@ -38,6 +38,9 @@ messages: $(VENV)/.dev
 
 train: $(VENV)/.train
 	$(BIN)/python -m models.train --help
+
+a53: $(VENV)/.train
+	$(BIN)/python -m models.a53
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "Sweeper needs Python 3.11 to 3.13: install it, or name it with PYTHON=..."; exit 2; }

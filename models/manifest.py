@@ -4,7 +4,7 @@ Keys of a `[[networks]]` table: name, file (relative to the manifest), sha256, b
 height_px, max_disparity_px, preprocessing, inputs, outputs, opset, parameters, mmac (millions of
 multiply-accumulates per pair), parity_px (largest difference to PyTorch), licence, training_data,
 training_batch, training_rate, training_steps, training_minutes, and a53_minstr (millions of
-executed Cortex-A53 instructions; absent until measured).
+executed Cortex-A53 instructions, by `make a53`; absent until measured).
 """
 
 from __future__ import annotations
@@ -32,4 +32,12 @@ def enter(path: Path, network: dict[str, Any]) -> None:
     ordered = [
         present[n] for n in (*PREFERRED, *sorted(set(present) - set(PREFERRED))) if n in present
     ]
-    path.write_text(tomli_w.dumps({"default": ordered[0]["name"], "networks": ordered}))
+    rest = {k: v for k, v in read(path).items() if k not in ("default", "networks")}
+    path.write_text(tomli_w.dumps({"default": ordered[0]["name"], **rest, "networks": ordered}))
+
+
+def enter_classical(path: Path, a53_minstr: dict[str, float]) -> None:
+    """Set the table `[a53_minstr]`: millions of instructions of matchers without a network."""
+    whole = read(path)
+    networks = whole.pop("networks")
+    path.write_text(tomli_w.dumps({**whole, "a53_minstr": a53_minstr, "networks": networks}))

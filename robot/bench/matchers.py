@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from robot.config import CameraConfig, PerceptionConfig
-from robot.errors import DataError, ModelError
+from robot.errors import ModelError
 from robot.perception.depth import make_depth
 
 MAX_DISPARITY = 64
@@ -105,12 +105,9 @@ def network(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
 
 def make_matcher(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
     """Any matcher of the bench by name."""
+    if name not in CLASSICAL:
+        return network(name, models, threads)
+    a53 = read_manifest(models).get("a53_minstr", {}).get(name)
     if name == "sgbm":
-        return Matcher(name, _as_on_the_robot(PerceptionConfig(matcher="sgbm")))
-    if name == "sgbm_example":
-        return Matcher(name, example_sgbm())
-    if name == "bm":
-        return Matcher(name, block_matching())
-    if name in ("similarity", "cost_volume", "given"):
-        raise DataError(f"matcher {name!r} is not built; use a network of the manifest or sgbm.")
-    return network(name, models, threads)
+        return Matcher(name, _as_on_the_robot(PerceptionConfig(matcher="sgbm")), a53)
+    return Matcher(name, example_sgbm() if name == "sgbm_example" else block_matching(), a53)

@@ -102,7 +102,7 @@ def test_bench_measures_a_constant_shift(pairs_dir, tmp_path):
         assert row["bad1_pct"] < 5.0
         assert row["epe_px"] < 0.5
     sgbm = next(r for r in rows if r["matcher"] == "sgbm" and r["family"] == "all")
-    assert sgbm["ms_over_sgbm"] == 1.0 and sgbm["ms"] > 0 and sgbm["a53_minstr"] is None
+    assert sgbm["ms_over_sgbm"] == 1.0 and sgbm["ms"] > 0 and sgbm["a53_minstr"] > 50
     assert len(list((tmp_path / "out").glob("*.png"))) == 3
 
 
