@@ -33,6 +33,7 @@
 #define FREQUENCY 16000000u
 #define BYTE_CYCLES 1389u /* ten bits at 115200 baud */
 #define SLICE_CYCLES 800u /* 50 us: how finely pins and line follow */
+#define EDGE_CYCLES 160u  /* 10 us: the least time between two edges */
 #define HANG UINT32_MAX
 #define POWER_CYCLE (UINT32_MAX - 1u)
 
@@ -99,6 +100,13 @@ static void quiet(avr_t *a, const int level, const char *format, va_list values)
     if (level == LOG_ERROR) {
         vfprintf(stderr, format, values);
     }
+}
+
+/* While the program sleeps only its own time passes. */
+static void sleep_on(avr_t *a, avr_cycle_count_t cycles)
+{
+    (void)a;
+    (void)cycles;
 }
 
 /* ---------------------------------------------------------------- line */
@@ -204,18 +212,19 @@ static int open_line(char *name)
 
 /* ---------------------------------------------------------------- pins */
 
+/* The wires hold the inputs, whatever pull-ups the program switches on, and also when it writes to
+ * other pins of the port. */
 static void set_pin(unsigned port, int pin, bool high)
 {
-    avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), pin), high ? 1u : 0u);
-}
-
-/* The wires hold the inputs, whatever pull-ups the program switches on. */
-static void connect_pins(unsigned port, unsigned mask)
-{
-    avr_ioport_external_t wires = {.name = port & 0x7Fu,
-                                   .mask = mask & 0xFFu,
-                                   .value = 0};
+    static unsigned wired[3], levels[3];
+    unsigned at = port - 'B';
+    unsigned bit = 1u << pin;
+    wired[at] |= bit;
+    levels[at] = high ? (levels[at] | bit) : (levels[at] & ~bit);
+    avr_ioport_external_t wires = {
+        .name = port & 0x7Fu, .mask = wired[at] & 0xFFu, .value = levels[at] & 0xFFu};
     avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), &wires);
+    avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), pin), high ? 1u : 0u);
 }
 
 static void set_encoders(void)
@@ -284,20 +293,33 @@ static bool run_until(avr_cycle_count_t end)
     return true;
 }
 
-static int32_t part(int32_t whole, uint64_t done, uint64_t all)
+static uint32_t part(int32_t whole, uint64_t done, uint64_t all)
 {
-    return (int32_t)(((int64_t)whole * (int64_t)done) / (int64_t)all);
+    return (uint32_t)(((int64_t)whole * (int64_t)done) / (int64_t)all);
 }
 
-/* Move one encoder by at most one edge, so that none is ever jumped over. */
-static bool follow(int32_t *ticks, int32_t wanted)
+/* One edge nearer; false when there is none to go. */
+static bool follow(int32_t *ticks, uint32_t wanted)
 {
-    int32_t behind = (int32_t)((uint32_t)wanted - (uint32_t)*ticks);
-    if (behind == 0) {
-        return false;
+    int32_t behind = (int32_t)(wanted - (uint32_t)*ticks);
+    *ticks = (int32_t)((uint32_t)*ticks + (uint32_t)((behind > 0) - (behind < 0)));
+    return behind != 0;
+}
+
+/* Turn both encoders to these counts, edge by edge, so that none is jumped over. */
+static bool turn_encoders(uint32_t left, uint32_t right)
+{
+    for (;;) {
+        bool left_moved = follow(&pins.left_ticks, left);
+        bool right_moved = follow(&pins.right_ticks, right);
+        if (!left_moved && !right_moved) {
+            return true;
+        }
+        set_encoders();
+        if (!run_until(avr->cycle + EDGE_CYCLES)) {
+            return false;
+        }
     }
-    *ticks = (int32_t)((uint32_t)*ticks + ((behind > 0) ? 1u : UINT32_MAX));
-    return true;
 }
 
 /* Let the program go on in the endless loop that stands behind every main. */
@@ -340,14 +362,9 @@ static bool step(const uint8_t *record)
         if (!run_until(start + done)) {
             return false;
         }
-        bool more = true;
-        while (more) {
-            more = follow(&pins.left_ticks, (int32_t)((uint32_t)left + (uint32_t)part(left_moves, done, all)));
-            more = follow(&pins.right_ticks, (int32_t)((uint32_t)right + (uint32_t)part(right_moves, done, all))) || more;
-            set_encoders();
-            if (more && !run_until(avr->cycle + 64u)) {
-                return false;
-            }
+        if (!turn_encoders((uint32_t)left + part(left_moves, done, all),
+                           (uint32_t)right + part(right_moves, done, all))) {
+            return false;
         }
     }
     start += all;
@@ -382,14 +399,11 @@ static bool start(int argc, char **argv)
     avr->frequency = FREQUENCY;
     avr->vcc = avr->avcc = avr->aref = FULL_MV;
     avr_load_firmware(avr, &image);
+    avr->sleep = sleep_on;
     if (argc > 3) {
         trace_address = (uint32_t)strtoul(argv[2], NULL, 0);
         trace = fopen(argv[3], "w");
-        avr->run_cycle_limit = 1; /* look at every instruction */
     }
-    connect_pins('B', (1u << BUMP_LEFT) | (1u << CHARGING));
-    connect_pins('C', (1u << WHEEL_DROP) | (1u << BUMP_RIGHT));
-    connect_pins('D', (1u << LEFT_A) | (1u << LEFT_B) | (1u << RIGHT_A) | (1u << RIGHT_B));
     connect_line();
     set_pins();
     return true;

@@ -28,6 +28,9 @@ void hal_wake_line(void);
 /* What the line fetches; main provides it. False when there is none. */
 bool line_next_byte(uint8_t *byte);
 
+/* Sleep until the next interrupt: a tenth of a millisecond at most, for there is always one. */
+void hal_idle(void);
+
 /* Everything is well: do not reset. */
 void hal_feed_watchdog(void);
 

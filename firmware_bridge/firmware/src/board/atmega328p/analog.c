@@ -1,5 +1,7 @@
-/* Cliff sensors, battery and motor current: one conversion after the other, never waited for. */
+/* Cliff sensors, battery and motor current: one conversion after the other, 104 us each. */
+#include <avr/interrupt.h>
 #include <avr/io.h>
+#include <util/atomic.h>
 
 #include "board/atmega328p/parts.h"
 #include "board/atmega328p/pins.h"
@@ -11,13 +13,26 @@
 #define CURRENT_FULL_MA 10000u /* 5 V behind a shunt amplifier of 0.5 V/A */
 
 static const uint8_t channels[CHANNELS] = {0, 1, 2, 3, ADC_BATTERY, ADC_CURRENT};
-static uint16_t samples[CHANNELS];
+static volatile uint16_t samples[CHANNELS];
 static uint8_t at;
 
 static void convert(uint8_t channel)
 {
     ADMUX = (uint8_t)(_BV(REFS0) | channel);
     ADCSRA = (uint8_t)(ADCSRA | _BV(ADSC));
+}
+
+/* Keep the conversion that has ended and begin the next one. */
+static void collect(void)
+{
+    samples[at] = ADC;
+    at = (uint8_t)((at + 1u) % CHANNELS);
+    convert(channels[at]);
+}
+
+ISR(ADC_vect)
+{
+    collect();
 }
 
 /* Takes every channel once, so that nothing starts from a sample that was never taken. */
@@ -27,27 +42,28 @@ void analog_start(void)
     convert(channels[0]);
     for (uint8_t taken = 0; taken < CHANNELS;) {
         if ((ADCSRA & _BV(ADSC)) == 0) {
-            analog_poll();
+            collect();
             taken++;
         }
     }
+    ADCSRA = (uint8_t)(ADCSRA | _BV(ADIE));
 }
 
-void analog_poll(void)
+static uint16_t sample(uint8_t which)
 {
-    if ((ADCSRA & _BV(ADSC)) != 0) {
-        return;
+    uint16_t value;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    {
+        value = samples[which];
     }
-    samples[at] = ADC;
-    at = (uint8_t)((at + 1u) % CHANNELS);
-    convert(channels[at]);
+    return value;
 }
 
 uint8_t analog_cliffs(void)
 {
     uint8_t bits = 0;
     for (uint8_t i = 0; i < ADC_CLIFFS; i++) {
-        if (samples[i] > CLIFF_ABOVE) {
+        if (sample(i) > CLIFF_ABOVE) {
             bits = (uint8_t)(bits | (WIRE_CONTACT_BIT_CLIFF_LEFT << i));
         }
     }
@@ -56,10 +72,10 @@ uint8_t analog_cliffs(void)
 
 uint16_t analog_battery_mv(void)
 {
-    return (uint16_t)(((uint32_t)samples[4] * BATTERY_FULL_MV) / 1024u);
+    return (uint16_t)(((uint32_t)sample(4) * BATTERY_FULL_MV) / 1024u);
 }
 
 int16_t analog_current_ma(void)
 {
-    return (int16_t)(((uint32_t)samples[5] * CURRENT_FULL_MA) / 1024u);
+    return (int16_t)(((uint32_t)sample(5) * CURRENT_FULL_MA) / 1024u);
 }

@@ -4,6 +4,7 @@
 #include <avr/eeprom.h>
 #include <avr/interrupt.h>
 #include <avr/io.h>
+#include <avr/sleep.h>
 #include <avr/wdt.h>
 #include <util/atomic.h>
 
@@ -115,6 +116,12 @@ void hal_read(struct inputs *in)
     in->contacts = (uint8_t)(switches() | analog_cliffs());
     in->battery_mv = analog_battery_mv();
     in->current_ma = analog_current_ma();
+}
+
+void hal_idle(void)
+{
+    SMCR = (uint8_t)_BV(SE); /* idle: only the processor stops */
+    sleep_cpu();
 }
 
 void hal_feed_watchdog(void)

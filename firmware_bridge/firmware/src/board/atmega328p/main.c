@@ -37,7 +37,6 @@ int main(void)
     for (;;) {
         uint32_t now_us = hal_now_us();
         serve_line(now_us);
-        analog_poll();
         if ((now_us - stepped_us) >= STEP_US) {
             stepped_us = ((now_us - stepped_us) < (2u * STEP_US)) ? (stepped_us + STEP_US) : now_us;
             hal_read(&in);
@@ -45,5 +44,6 @@ int main(void)
             hal_write(&out);
             hal_feed_watchdog();
         }
+        hal_idle();
     }
 }

@@ -10,7 +10,6 @@ void encoders_start(void);
 void encoders_read(int32_t *left, int32_t *right);
 
 void analog_start(void);
-void analog_poll(void); /* call often: collects one finished conversion, starts the next */
 uint8_t analog_cliffs(void); /* WIRE_CONTACT_BIT_CLIFF_* */
 uint16_t analog_battery_mv(void);
 int16_t analog_current_ma(void);
