@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -58,6 +59,7 @@ class Rig:
         self.time_us = 0
         self.seq = 0
         self.packets: list[Packet] = []
+        self.forward: Callable[[bytes], object] = bytes  # gets what the controller has said
         self.answer_ms = 1  # how long an order and its answer take
 
     def __enter__(self) -> Rig:
@@ -116,7 +118,9 @@ class Rig:
             self._move(step_us * 1e-6)
             self.time_us += step_us
         self.transport.read_until(self.outputs.bytes_sent_by_mcu)
-        for body in self.decoder.feed(self.transport.read()):
+        data = self.transport.read()
+        self.forward(data)
+        for body in self.decoder.feed(data):
             packet = unpack(body)
             assert packet is not None
             self.packets.append(packet)
