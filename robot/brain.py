@@ -99,6 +99,12 @@ class Brain:
                 self._mission.request(event)
         return []
 
+    def view(self) -> tuple[Grid, np.ndarray]:
+        """For people: the grid some moments ago, and which of its cells are swept. Only reads."""
+        if self._view is NOTHING:
+            return NOTHING, np.zeros(NOTHING.cells.shape, bool)
+        return self._view, self._swept.on(self._view)
+
     # ------------------------------------------------------------------ what a frame changes
 
     def _seen(self, seen: Seen) -> list[Command]:

@@ -57,6 +57,8 @@ class Perception:
         self._odometry = VisualOdometry(camera, config.max_step_m)
         self._marker = MarkerFinder(config, robot, camera)
         self._marker_track = -1
+        # The left image and the trusted disparity of the newest frame, for people only.
+        self.looked: tuple[np.ndarray, np.ndarray] | None = None
 
     def see(self, frame: StereoFrame, arrived_ns: int, given: np.ndarray | None = None) -> Seen:
         """Everything about one frame. `given` is a simulator's true disparity (h, w), if it has it.
@@ -72,6 +74,7 @@ class Perception:
         with stage("confidence"):
             trusted = self._confidence.check(left, right, found)
             self._exposure.learn(left, right, trusted.disparity_px)
+        self.looked = (left, trusted.disparity_px)
         with stage("scan"):
             floor = self._floor.update(trusted.disparity_px, self._config.max_disparity_px)
             scan = self._scan.make(trusted.disparity_px, floor)

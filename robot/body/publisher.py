@@ -1,0 +1,312 @@
+"""Tells watchers what the robot sees and does: one thread, never the loop's.
+
+Each watcher has an outbox of bounded size that is emptied without waiting; who lets it fill up is
+hung up on, and may come back and begin with the present state.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from robot.body import stream
+from robot.body.outlook import Outlook
+from robot.body.stream import Place, batches, frame, pack_tiles
+from robot.messages import Grid, MapReport
+
+MAX_WATCHERS = 4
+MAX_OUTBOX_BYTES = 1 << 20
+BEAT_S = 0.05
+LOOK_S = 3.0  # for so long after the last wish, pictures are sent
+PICTURE_EVERY_S = 0.3
+MAX_LINE_BYTES = 256
+JPEG = [cv2.IMWRITE_JPEG_QUALITY, 70]
+THERMOMETER = Path("/sys/class/thermal/thermal_zone0/temp")
+
+Looked = tuple[np.ndarray, np.ndarray]  # left (h, w) uint8, disparity (h, w) float32, NaN: none
+Check = Callable[[], list[dict[str, str]]]
+
+
+class Watcher:
+    """One connection: what it already knows, and what waits to be sent."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self.connection = connection
+        self.outbox: deque[memoryview] = deque()
+        self.waiting_bytes = 0
+        self.line = b""
+        self.track = (-1, 0)
+        self.greeted = False
+        self.look_until_s = {eye: 0.0 for eye in stream.EYES}
+        self.gone = False
+
+    def put(self, message: bytes) -> None:
+        """Queue one frame, or give the watcher up."""
+        self.waiting_bytes += len(message)
+        self.outbox.append(memoryview(message))
+        if self.waiting_bytes > MAX_OUTBOX_BYTES:
+            self.gone = True
+
+    def send(self) -> None:
+        """Hand the system what it takes now."""
+        try:
+            while self.outbox:
+                sent = self.connection.send(self.outbox[0])
+                self.waiting_bytes -= sent
+                if sent < len(self.outbox[0]):
+                    self.outbox[0] = self.outbox[0][sent:]
+                    return
+                self.outbox.popleft()
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.gone = True
+
+    def lines(self) -> list[bytes]:
+        """What the watcher has written since the last call."""
+        try:
+            data = self.connection.recv(MAX_LINE_BYTES)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if not data or len(self.line) > MAX_LINE_BYTES:
+            self.gone = True
+            return []
+        *lines, self.line = (self.line + data).split(b"\n")
+        return lines
+
+
+class Publisher(threading.Thread):
+    """Owns the watchers. `adopt` may be called from the loop; everything else is its thread's."""
+
+    def __init__(
+        self, outlook: Outlook, looked: Callable[[], Looked | None], check: Check | None = None
+    ) -> None:
+        super().__init__(name="publisher", daemon=True)
+        self._outlook, self._looked, self._check = outlook, looked, check
+        self._new: deque[socket.socket] = deque()
+        self._watchers: list[Watcher] = []
+        self._stopping = False
+        self._ring, self._bell = socket.socketpair()
+        self._ring.setblocking(False)
+        self._bell.setblocking(False)
+        self._tiles: dict[Place, bytes] = {}
+        self._last: dict[str, bytes] = {}
+        self._pictured_s = 0.0
+        self._pictured: Looked | None = None
+        outlook.wake = self.wake
+
+    # ------------------------------------------------------------------ the loop's side
+
+    def adopt(self, connection: socket.socket) -> bool:
+        """Take over a watcher's connection; False when there are too many."""
+        if len(self._watchers) + len(self._new) >= MAX_WATCHERS:
+            return False
+        self._new.append(connection)
+        self._outlook.wanted = True
+        self.wake()
+        return True
+
+    def wake(self) -> None:
+        """Something happened that should not wait for the next beat."""
+        with contextlib.suppress(OSError):
+            self._ring.send(b"!")
+
+    def stop(self) -> None:
+        """End the thread and hang up on everyone."""
+        self._stopping = True
+        self.wake()
+        if self.is_alive():
+            self.join(timeout=2.0)
+
+    # ------------------------------------------------------------------ the thread
+
+    def run(self) -> None:
+        """Thread body."""
+        while not self._stopping:
+            self._wait()
+            while self._new:
+                self._watchers.append(Watcher(self._new.popleft()))
+            self._outlook.wanted = bool(self._watchers)
+            for watcher in self._watchers:
+                for line in watcher.lines():
+                    self._obey(watcher, line)
+            self._publish()
+            for watcher in self._watchers:
+                watcher.send()
+            for watcher in [w for w in self._watchers if w.gone]:
+                self._watchers.remove(watcher)
+                watcher.connection.close()
+        for watcher in self._watchers:
+            watcher.connection.close()
+        self._ring.close()
+        self._bell.close()
+
+    def _wait(self) -> None:
+        """Until the bell rings, or the next beat."""
+        ready, _, _ = select.select([self._bell], [], [], BEAT_S)
+        if ready:
+            with contextlib.suppress(OSError):
+                self._bell.recv(64)
+
+    def _obey(self, watcher: Watcher, line: bytes) -> None:
+        try:
+            wish = json.loads(line)
+            eyes = [eye for eye in wish.get("look", []) if eye in stream.EYES]
+            check = wish.get("check") is True
+        except (ValueError, AttributeError, TypeError, RecursionError):
+            watcher.gone = True
+            return
+        for eye in eyes:
+            watcher.look_until_s[eye] = time.monotonic() + LOOK_S
+        if check and self._check is not None:
+            watcher.put(_json({"type": "check", "checks": self._check()}))
+
+    def _publish(self) -> None:
+        news = self._outlook.news()
+        fresh: list[bytes] = []
+        changed: dict[Place, bytes] = {}
+        for kind, value in news.items():
+            if kind == "view":
+                changed = self._changed(*value)
+            else:
+                self._last[kind] = self._worded(kind, value)
+                fresh.append(self._last[kind])
+        packed = [frame(stream.TILES, pack_tiles(batch)) for batch in batches(changed)]
+        for watcher in self._watchers:
+            if watcher.greeted:
+                for message in fresh + packed:
+                    watcher.put(message)
+            else:
+                self._greet(watcher)
+            self._track(watcher)
+        self._pictures()
+
+    def _greet(self, watcher: Watcher) -> None:
+        watcher.greeted = True
+        picture = self._looked() is not None
+        watcher.put(_json({**self._outlook.hello, "eyes": list(stream.EYES) if picture else []}))
+        for message in self._last.values():
+            watcher.put(message)
+        for batch in batches(self._tiles):
+            watcher.put(frame(stream.TILES, pack_tiles(batch)))
+
+    def _track(self, watcher: Watcher) -> None:
+        number, first, points = self._outlook.crumbs(*watcher.track)
+        if points or number != watcher.track[0]:
+            watcher.put(_json({"type": "track", "number": number, "first": first, "xy_m": points}))
+            watcher.track = (number, first + len(points))
+
+    def _worded(self, kind: str, value: Any) -> bytes:
+        if kind == "landmarks":
+            return _json({"type": "landmarks", "points": landmark_rows(value)})
+        if kind == "status":
+            return _json({**value, "temperature_c": temperature_c()})
+        return _json(value)
+
+    def _changed(self, grid: Grid, covered: np.ndarray) -> dict[Place, bytes]:
+        """Tiles that differ from what was published; a tile that is gone becomes unknown."""
+        now = cut_tiles(grid, covered)
+        if not now and not self._tiles:
+            return {}
+        empty = bytes(stream.TILE_BYTES)
+        changed = {place: cells for place, cells in now.items() if self._tiles.get(place) != cells}
+        changed |= {place: empty for place in self._tiles.keys() - now.keys()}
+        if "map" not in self._last:
+            self._last = {"map": _json({"type": "map", "resolution_m": grid.resolution_m})} | (
+                self._last
+            )
+            for watcher in self._watchers:
+                if watcher.greeted:
+                    watcher.put(self._last["map"])
+        self._tiles = now
+        return changed
+
+    def _pictures(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._pictured_s < PICTURE_EVERY_S:
+            return
+        looking = {
+            eye: [w for w in self._watchers if w.look_until_s[eye] > now_s] for eye in stream.EYES
+        }
+        looked = self._looked()
+        if not any(looking.values()) or looked is None or looked is self._pictured:
+            return
+        self._pictured_s, self._pictured = now_s, looked
+        for number, (eye, watchers) in enumerate(looking.items()):
+            if watchers:
+                image = looked[0] if eye == "left" else coloured(looked[1])
+                jpeg = cv2.imencode(".jpg", image, JPEG)[1].tobytes()
+                message = frame(stream.IMAGE, bytes([number]) + jpeg)
+                for watcher in watchers:
+                    watcher.put(message)
+
+
+# ---------------------------------------------------------------------- what is shown
+
+
+def cut_tiles(grid: Grid, covered: np.ndarray) -> dict[Place, bytes]:
+    """Tiles of `robot.body.stream` with anything known in them."""
+    size = stream.TILE
+    cells = np.full(grid.cells.shape, stream.UNKNOWN, np.uint8)
+    cells[(grid.cells >= 0) & (grid.cells < 50)] = stream.FREE
+    cells[covered & (cells == stream.FREE)] = stream.SWEPT
+    cells[grid.cells >= 50] = stream.OCCUPIED
+    ix0 = round(grid.origin_x_m / grid.resolution_m)
+    iy0 = round(grid.origin_y_m / grid.resolution_m)
+    rows, columns = cells.shape
+    left, low = ix0 % size, iy0 % size
+    wide, high = -(-(left + columns) // size), -(-(low + rows) // size)
+    paper = np.zeros((high * size, wide * size), np.uint8)
+    paper[low : low + rows, left : left + columns] = cells
+    tiles = paper.reshape(high, size, wide, size).swapaxes(1, 2)
+    known = tiles.any(axis=(2, 3))
+    return {
+        (ix0 // size + int(i), iy0 // size + int(j)): tiles[j, i].tobytes()
+        for j, i in zip(*np.nonzero(known), strict=True)
+    }
+
+
+def landmark_rows(report: MapReport) -> list[list[float]]:
+    """x, y, and the covariance's xx, xy, yy of every landmark."""
+    rows = np.column_stack(
+        [
+            report.landmarks_m.reshape(-1, 2),
+            report.landmark_cov.reshape(-1, 4)[:, [0, 1, 3]],
+        ]
+    )
+    return [[float(f"{v:.4g}") for v in row] for row in rows if np.isfinite(row).all()]
+
+
+def coloured(disparity_px: np.ndarray, most_px: float = 48.0) -> np.ndarray:
+    """Near is red, far is blue, unknown is black; BGR (h, w, 3)."""
+    known = np.isfinite(disparity_px)
+    scaled = np.clip(np.where(known, disparity_px, 0.0) * (255.0 / most_px), 0, 255)
+    colours = cv2.applyColorMap(scaled.astype(np.uint8), cv2.COLORMAP_TURBO)
+    colours[~known] = 0
+    return np.asarray(colours)
+
+
+def temperature_c() -> float | None:
+    """Of the processor, where the system knows it."""
+    try:
+        return round(int(THERMOMETER.read_text()) / 1000.0, 1)
+    except (OSError, ValueError):
+        return None
+
+
+def _json(value: dict[str, Any]) -> bytes:
+    return frame(stream.JSON, json.dumps(value, allow_nan=False).encode())
