@@ -14,6 +14,7 @@ import numpy as np
 
 from robot.config import CameraConfig, PerceptionConfig
 from robot.errors import ModelError
+from robot.geometry.stereo import StereoCamera
 from robot.perception.depth import make_depth
 
 MAX_DISPARITY = 64
@@ -24,11 +25,22 @@ Match = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matcher:
-    """`match(left, right)`: grey uint8 (240, 320) to disparity float32 px, NaN where empty."""
+    """`match(left, right)`: grey uint8 (240, 320) to disparity float32 px, NaN where empty.
+
+    `trust(left, right)` gives the confidence, 0 to 1; without one of its own a matcher is sure of
+    whatever it gives.
+    """
 
     name: str
     match: Match
     a53_minstr: float | None = None
+    own_trust: Match | None = None
+
+    def trust(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Confidence float32 (240, 320), 0 where empty."""
+        if self.own_trust is not None:
+            return self.own_trust(left, right)
+        return np.isfinite(self.match(left, right)).astype(np.float32)
 
 
 def _empty_as_nan(fixed: np.ndarray) -> np.ndarray:
@@ -40,38 +52,38 @@ def _empty_as_nan(fixed: np.ndarray) -> np.ndarray:
     return np.where(fixed <= 0, np.float32(np.nan), fixed.astype(np.float32) / 16)
 
 
-def _padded(compute: Match) -> Match:
-    """Give the left border something to search in: 64 replicated columns, cut off again."""
+def _padded(compute: Match, columns: int) -> Match:
+    """Give the left border something to search in: replicated columns, cut off again."""
 
     def match(left: np.ndarray, right: np.ndarray) -> np.ndarray:
         wide = [
-            cv2.copyMakeBorder(i, 0, 0, MAX_DISPARITY, 0, cv2.BORDER_REPLICATE)
-            for i in (left, right)
+            cv2.copyMakeBorder(i, 0, 0, columns, 0, cv2.BORDER_REPLICATE) for i in (left, right)
         ]
-        return _empty_as_nan(compute(wide[0], wide[1])[:, MAX_DISPARITY:])
+        return _empty_as_nan(compute(wide[0], wide[1])[:, columns:])
 
     return match
 
 
-def _as_on_the_robot(config: PerceptionConfig, model: bytes | None = None) -> Match:
-    """The very matcher that the runtime would use, for the protocol's image size."""
-    depth = make_depth(config, CameraConfig().stereo_camera(), model)
-    return lambda left, right: depth.match(left, right).disparity_px
-
-
-def example_sgbm() -> Match:
+def example_sgbm(max_px: int) -> Match:
     """The settings of OpenCV's own example, without padding."""
     engine = cv2.StereoSGBM.create(
-        0, MAX_DISPARITY, 5, 8 * 25, 32 * 25, disp12MaxDiff=1, uniquenessRatio=10,
+        0, max_px, 5, 8 * 25, 32 * 25, disp12MaxDiff=1, uniquenessRatio=10,
         speckleWindowSize=100, speckleRange=32,
     )  # fmt: skip
     return lambda left, right: _empty_as_nan(engine.compute(left, right))
 
 
-def block_matching() -> Match:
+def block_matching(max_px: int) -> Match:
     """OpenCV's StereoBM with a window of 15, on the padded pair."""
-    engine = cv2.StereoBM.create(MAX_DISPARITY, 15)
-    return _padded(engine.compute)
+    return _padded(cv2.StereoBM.create(max_px, 15).compute, max_px)
+
+
+def classical_match(name: str, camera: StereoCamera, max_px: int) -> Match:
+    """One of CLASSICAL for images of the camera's size; `max_px` is a multiple of 16."""
+    if name == "sgbm":
+        depth = make_depth(PerceptionConfig(matcher="sgbm", max_disparity_px=max_px), camera)
+        return lambda left, right: depth.match(left, right).disparity_px
+    return example_sgbm(max_px) if name == "sgbm_example" else block_matching(max_px)
 
 
 def read_manifest(models: Path) -> dict[str, Any]:
@@ -100,7 +112,13 @@ def network(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
     if hashlib.sha256(data).hexdigest() != entries[name]["sha256"]:
         raise ModelError(f"{path} does not match its sha256 in manifest.toml; restore both.")
     config = PerceptionConfig(matcher="onnx", onnx_threads=threads)
-    return Matcher(name, _as_on_the_robot(config, data), entries[name].get("a53_minstr"))
+    depth = make_depth(config, CameraConfig().stereo_camera(), data)
+    return Matcher(
+        name,
+        lambda left, right: depth.match(left, right).disparity_px,
+        entries[name].get("a53_minstr"),
+        lambda left, right: depth.match(left, right).confidence,
+    )
 
 
 def make_matcher(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
@@ -108,6 +126,5 @@ def make_matcher(name: str, models: Path = MODELS, threads: int = 1) -> Matcher:
     if name not in CLASSICAL:
         return network(name, models, threads)
     a53 = read_manifest(models).get("a53_minstr", {}).get(name)
-    if name == "sgbm":
-        return Matcher(name, _as_on_the_robot(PerceptionConfig(matcher="sgbm")), a53)
-    return Matcher(name, example_sgbm() if name == "sgbm_example" else block_matching(), a53)
+    match = classical_match(name, CameraConfig().stereo_camera(), MAX_DISPARITY)
+    return Matcher(name, match, a53)

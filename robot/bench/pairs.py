@@ -1,4 +1,4 @@
-"""Finds stereo pairs with true disparity under a folder and brings them to 320x240.
+"""Finds stereo pairs with true disparity under a folder and brings them to 320x240, or not.
 
 Layouts: Middlebury and ETH3D (`im0.png im1.png disp0.pfm|disp0GT.pfm`, optional `mask0nocc.png`),
 KITTI 2015 (`training/image_2 image_3 disp_noc_0`, optional `disp_occ_0`) and KITTI 2012
@@ -7,7 +7,7 @@ KITTI 2015 (`training/image_2 image_3 disp_noc_0`, optional `disp_occ_0`) and KI
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +22,7 @@ VISIBLE = 255  # value of mask0nocc.png where the right eye sees the point too
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruePair:
-    """A pair at 320x240: grey uint8, truth float32 px (NaN unknown), `visible` bool or None."""
+    """Grey uint8 images (h, w), truth float32 px (NaN unknown), `visible` bool, all of one size."""
 
     name: str
     family: str
@@ -71,13 +71,25 @@ def _window(height: int, width: int) -> tuple[slice, slice]:
     return slice((height - high) // 2, (height - high) // 2 + high), slice(0, width)
 
 
+Bring = Callable[[str, str, np.ndarray, np.ndarray, np.ndarray, np.ndarray], TruePair]
+
+
+def as_it_is(
+    name: str, family: str, left: np.ndarray, right: np.ndarray, truth: np.ndarray,
+    visible: np.ndarray,
+) -> TruePair:  # fmt: skip
+    """The pair at its own size."""
+    if not left.shape == right.shape == truth.shape == visible.shape:
+        raise DataError(f"the files of pair {name} differ in size; get them again.")
+    return TruePair(name, family, left, right, truth.astype(np.float32), visible)
+
+
 def to_protocol(
     name: str, family: str, left: np.ndarray, right: np.ndarray, truth: np.ndarray,
     visible: np.ndarray,
 ) -> TruePair:  # fmt: skip
     """Centre-crop to 4:3, area-resize the images, take the truth by nearest and scale it."""
-    if not left.shape == right.shape == truth.shape == visible.shape:
-        raise DataError(f"the files of pair {name} differ in size; get them again.")
+    as_it_is(name, family, left, right, truth, visible)
     rows, columns = _window(*left.shape)
     width = columns.stop - columns.start
     size = (WIDTH_PX, HEIGHT_PX)
@@ -92,7 +104,7 @@ def to_protocol(
     return TruePair(name, family, small[0], small[1], scaled, visible[pick])
 
 
-def _folder_pair(folder: Path) -> TruePair:
+def _folder_pair(folder: Path, bring: Bring) -> TruePair:
     """One Middlebury or ETH3D folder; ETH3D if its path says so."""
     truth_path = folder / "disp0.pfm"
     if not truth_path.exists():
@@ -104,7 +116,7 @@ def _folder_pair(folder: Path) -> TruePair:
         visible = _grey(folder / "mask0nocc.png") == VISIBLE
     family = "eth3d" if "eth3d" in str(folder).lower() else "middlebury"
     left, right = _grey(folder / "im0.png"), _grey(folder / "im1.png")
-    return to_protocol(folder.name, family, left, right, truth, visible)
+    return bring(folder.name, family, left, right, truth, visible)
 
 
 KITTI_LAYOUTS = (
@@ -114,7 +126,7 @@ KITTI_LAYOUTS = (
 )
 
 
-def _kitti_pairs(training: Path) -> Iterator[TruePair]:
+def _kitti_pairs(training: Path, bring: Bring) -> Iterator[TruePair]:
     for family, first, second, visible_only, everything in KITTI_LAYOUTS:
         if not (training / first).is_dir() or not (training / visible_only).is_dir():
             continue
@@ -124,21 +136,24 @@ def _kitti_pairs(training: Path) -> Iterator[TruePair]:
             truth = _kitti_truth(whole) if whole.exists() else seen
             left, right = _grey(training / first / path.name), _grey(training / second / path.name)
             name = path.stem.removesuffix("_10")
-            yield to_protocol(name, family, left, right, truth, np.isfinite(seen))
+            yield bring(name, family, left, right, truth, np.isfinite(seen))
         return
 
 
-def find_pairs(folder: Path) -> list[TruePair]:
-    """Every pair under `folder`, in a stable order. Raises DataError if there is none."""
+def find_pairs(folder: Path, bring: Bring = to_protocol) -> list[TruePair]:
+    """Every pair under `folder`, in a stable order, at 320x240 or as `bring` makes it.
+
+    Raises DataError if there is none.
+    """
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder; give --pairs a folder of stereo pairs.")
     found = [
-        _folder_pair(path.parent)
+        _folder_pair(path.parent, bring)
         for path in sorted(folder.rglob("im0.png"))
         if (path.parent / "disp0.pfm").exists() or (path.parent / "disp0GT.pfm").exists()
     ]
     for training in sorted(p for p in [folder, *folder.rglob("*")] if p.is_dir()):
-        found += _kitti_pairs(training)
+        found += _kitti_pairs(training, bring)
     if not found:
         raise DataError(
             f"{folder} holds no stereo pair with truth; use Middlebury, ETH3D or KITTI layout."

@@ -107,8 +107,14 @@ def _groups(scores: list[_Scores]) -> Iterable[tuple[str, list[_Scores]]]:
 
 
 def default_matchers(models: Path = MODELS) -> list[str]:
-    """Every network of the manifest, then the classical ones."""
-    return [n["name"] for n in read_manifest(models)["networks"]] + list(CLASSICAL)
+    """Every network of the manifest that is made for the protocol's size, then the classical."""
+    size = (WIDTH_PX, HEIGHT_PX)
+    fitting = [
+        n["name"]
+        for n in read_manifest(models)["networks"]
+        if (n.get("width_px"), n.get("height_px")) == size
+    ]
+    return fitting + list(CLASSICAL)
 
 
 def bench_stereo(

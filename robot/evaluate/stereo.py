@@ -30,15 +30,18 @@ class StereoErrors:
     epe_px: float
 
 
-def countable(truth_px: np.ndarray) -> np.ndarray:
-    """Bool (h, w): pixels whose truth is known and within 0 < d < 64."""
+def countable(truth_px: np.ndarray, max_px: float = MAX_DISPARITY_PX) -> np.ndarray:
+    """Bool (h, w): pixels whose truth is known and within 0 < d < `max_px`."""
     known = np.isfinite(truth_px)
     value = np.where(known, truth_px, 0.0)
-    return known & (value > 0) & (value < MAX_DISPARITY_PX)
+    return known & (value > 0) & (value < max_px)
 
 
 def stereo_errors(
-    estimate_px: np.ndarray, truth_px: np.ndarray, mask: np.ndarray | None = None
+    estimate_px: np.ndarray,
+    truth_px: np.ndarray,
+    mask: np.ndarray | None = None,
+    max_px: float = MAX_DISPARITY_PX,
 ) -> StereoErrors:
     """Measure an estimate; `mask` bool (h, w) limits the pixels (None: all with truth).
 
@@ -46,7 +49,9 @@ def stereo_errors(
     """
     if estimate_px.shape != truth_px.shape:
         raise ValueError(f"estimate {estimate_px.shape} and truth {truth_px.shape} differ in size")
-    counted = countable(truth_px) if mask is None else countable(truth_px) & mask
+    counted = countable(truth_px, max_px)
+    if mask is not None:
+        counted &= mask
     if not counted.any():
         return StereoErrors(NAN, NAN, NAN, NAN, NAN)
     estimate, truth = estimate_px[counted].astype(np.float64), truth_px[counted]
