@@ -20,7 +20,14 @@ import numpy as np
 from robot.bench.matchers import CLASSICAL, MODELS, Matcher, make_matcher, read_manifest
 from robot.bench.pairs import HEIGHT_PX, WIDTH_PX, TruePair, find_pairs
 from robot.errors import DataError
-from robot.evaluate.stereo import StereoErrors, fill_background, mean_errors, stereo_errors
+from robot.evaluate.stereo import (
+    StereoErrors,
+    countable,
+    fill_background,
+    mean_errors,
+    stereo_errors,
+)
+from robot.evaluate.stereo_kitti import kitti_error_picture
 
 REPEATS = 5
 INDOOR = ("middlebury", "eth3d")
@@ -123,12 +130,13 @@ def bench_stereo(
     out_dir: Path | None = None,
     models: Path = MODELS,
     threads: int = 1,
+    error_panels: bool = False,
 ) -> dict[str, Any]:
     """Measure `matchers` (None: all) on every pair under `pairs_dir`.
 
-    Returns the JSON of `sweeper bench stereo`; with `out_dir`, pictures (left, truth, and each
-    matcher's filled disparity) go there. Raises DataError for a folder without pairs and
-    ModelError for an unknown or damaged network.
+    Returns the JSON of `sweeper bench stereo`; with `out_dir`, pictures (left, truth, each
+    matcher's filled disparity and, if asked, its errors in KITTI's colours) go there. Raises
+    DataError for a folder without pairs and ModelError for an unknown or damaged network.
     """
     names = default_matchers(models) if matchers is None else matchers
     if not names:
@@ -149,7 +157,7 @@ def bench_stereo(
                     _row(matcher, s.pair.family, s.pair.name, [s], mask, filled) for s in scores
                 ]
     if out_dir is not None:
-        _write_pictures(scores, [m.name for m in made], out_dir)
+        _write_pictures(scores, [m.name for m in made], out_dir, error_panels)
     return {"size": [WIDTH_PX, HEIGHT_PX], "threads": threads, "rows": rows}
 
 
@@ -160,15 +168,19 @@ def _colour(disparity_px: np.ndarray) -> np.ndarray:
     return cv2.applyColorMap(level, cv2.COLORMAP_TURBO) * known[..., None].astype(np.uint8)
 
 
-def _write_pictures(scores: list[_Scores], names: list[str], out_dir: Path) -> None:
-    """One picture per pair: left | truth | each matcher, filled."""
+def _write_pictures(scores: list[_Scores], names: list[str], out_dir: Path, errors: bool) -> None:
+    """One picture per pair: left | truth | each matcher, filled, and with `errors` its errors."""
     out_dir.mkdir(parents=True, exist_ok=True)
     for s in scores:
         panels = [cv2.cvtColor(s.pair.left, cv2.COLOR_GRAY2BGR), _colour(s.pair.truth_px)]
         for name in names:
-            panel = _colour(s.disparity[name + " filled"])
+            found = s.disparity[name + " filled"]
+            panel = _colour(found)
             cv2.putText(panel, name, (4, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1)
             panels.append(panel)
+            if errors:
+                truth = np.where(countable(s.pair.truth_px), s.pair.truth_px, np.nan)
+                panels.append(kitti_error_picture(found, truth)[..., ::-1])
         cv2.imwrite(str(out_dir / f"{s.pair.family}_{s.pair.name}.png"), np.hstack(panels))
 
 
@@ -179,3 +191,37 @@ def table(result: dict[str, Any], mask: str = "all", filled: bool = True) -> lis
         for r in result["rows"]
         if r["pair"] is None and r["mask"] == mask and r["filled"] is filled
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class StereoOrder:
+    """What the command line asks for; `way` is protocol, native, stress or confidence."""
+
+    pairs: Path
+    matchers: list[str] | None
+    out: Path
+    error_panels: bool = False
+    threads: int = 1
+    way: str = "protocol"
+
+
+def run_order(order: StereoOrder) -> dict[str, Any]:
+    """Carry out one order of the command line; see the function of each way."""
+    if order.way == "protocol":
+        return bench_stereo(
+            order.pairs, order.matchers, order.out, MODELS, order.threads, order.error_panels
+        )
+    from robot.bench.stereo_confidence import bench_confidence
+    from robot.bench.stereo_native import bench_native
+    from robot.bench.stereo_stress import bench_stress
+
+    ways = {"native": bench_native, "stress": bench_stress, "confidence": bench_confidence}
+    names = default_matchers() if order.matchers is None else order.matchers
+    return ways[order.way](order.pairs, names, MODELS, order.threads)
+
+
+def tables(result: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Title and rows of each table to print: means only where there are rows per pair."""
+    if "rows" in result:
+        return {"stereo": [row for row in result["rows"] if row["pair"] is None]}
+    return {title: rows for title, rows in result.items() if isinstance(rows, list)}

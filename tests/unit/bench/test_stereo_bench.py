@@ -8,7 +8,7 @@ import pytest
 
 from robot.bench.matchers import make_matcher
 from robot.bench.pairs import find_pairs, read_pfm, to_protocol
-from robot.bench.stereo import bench_stereo, table
+from robot.bench.stereo import StereoOrder, bench_stereo, run_order, table, tables
 from robot.errors import DataError, ModelError
 
 SHIFT = 16  # px in the source images
@@ -167,3 +167,17 @@ def test_a_tall_image_is_cropped_to_four_by_three():
     pair = to_protocol("tall", "middlebury", grey, grey, truth, np.ones((100, 40), bool))
     rows = pair.truth_px / 8  # 40 columns become 320
     assert rows.min() == 35 and rows.max() == 64
+
+
+@pytest.mark.parametrize("way", ["native", "stress", "confidence"])
+def test_every_way_of_the_command_line_gives_tables(pairs_dir, tmp_path, way):
+    order = StereoOrder(pairs_dir / "eth3d", ["sgbm"], tmp_path / "out", way=way)
+    found = tables(run_order(order))
+    assert found
+    assert all(row["matcher"] == "sgbm" for rows in found.values() for row in rows)
+
+
+def test_error_panels_stand_beside_each_matcher(pairs_dir, tmp_path):
+    run_order(StereoOrder(pairs_dir / "eth3d", ["bm"], tmp_path, error_panels=True))
+    (path,) = tmp_path.glob("eth3d_*.png")
+    assert cv2.imread(str(path)).shape == (240, 4 * 320, 3)  # left, truth, bm, its errors
