@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.errors import BridgeError
+from robot.body.wheels import add_verbs as add_wheels_verbs
 from robot.errors import SweeperError
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE = 0, 1, 2
@@ -71,7 +72,7 @@ def parser() -> argparse.ArgumentParser:
         help="frames: run perception again (needs a log of `sweeper record`)",
     )
 
-    bench = verbs.add_parser("bench", help="measure: pipeline, stereo")
+    bench = verbs.add_parser("bench", help="measure: pipeline, stereo, slam")
     benches = bench.add_subparsers(title="benchmarks", metavar="BENCH", required=True)
     pipeline = _verb(
         benches, "pipeline", "recorded stereo frames through perception and SLAM", _bench_pipeline
@@ -86,6 +87,11 @@ def parser() -> argparse.ArgumentParser:
     )
     pipeline.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
     pipeline.add_argument("--out", type=Path, default=Path("runs/pipeline"), help="for pictures")
+    coverage = _verb(benches, "coverage", "the planner alone on map_server maps", _bench_coverage)
+    coverage.add_argument("--maps", type=Path, nargs="+", required=True, metavar="DIR")
+    coverage.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
+    coverage.add_argument("--out", type=Path, default=Path("bench"), help="folder for pictures")
+
     stereo = _verb(benches, "stereo", "matchers on stereo pairs with true disparity", _bench_stereo)
     stereo.add_argument(
         "--pairs", type=Path, required=True, metavar="DIR", help="see docs in models/"
@@ -101,6 +107,24 @@ def parser() -> argparse.ArgumentParser:
     kind.add_argument("--native", action="store_true", help="at full size instead of 320x240")
     kind.add_argument("--stress", action="store_true", help="disturbed pictures, swapped eyes")
     kind.add_argument("--confidence", action="store_true", help="at the density SGBM keeps")
+
+    slam = _verb(benches, "slam", "EKF-SLAM on recordings with known truth, and logs", _bench_slam)
+    slam.add_argument(
+        "path",
+        type=Path,
+        metavar="PATH",
+        help="MRCLAM (raw folder or .npz), Victoria Park .npz, sensor_data.dat, log.mcap, or a "
+        "folder of them",
+    )
+    slam.add_argument("--association", choices=("known", "unknown"), help="default: both")
+    slam.add_argument(
+        "--perturb",
+        default="",
+        metavar="LIST",
+        help="mirror,relabel,shift=S,drop=P,outliers=P,wrong=P,slip=P",
+    )
+    slam.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
+    slam.add_argument("--out", type=Path, default=Path("runs/slam"), help="pictures and tracks")
 
     log = verbs.add_parser("log", help="work on logs: recover")
     logs = log.add_subparsers(title="log commands", metavar="COMMAND", required=True)
@@ -118,12 +142,9 @@ def parser() -> argparse.ArgumentParser:
     ask.add_argument("args", nargs="*")
     ask.add_argument("--socket", type=Path, default=Path("/run/sweeper/control.sock"))
 
-    wheels = verbs.add_parser("wheels", help="talk to the motor controller: stop")
+    wheels = verbs.add_parser("wheels", help="the motor controller: stop, monitor, drive, ...")
     controls = wheels.add_subparsers(title="controls", metavar="CONTROL", required=True)
-    stop = _verb(
-        controls, "stop", "stop the wheels at the motor controller and latch it", _wheels_stop
-    )
-    stop.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
+    add_wheels_verbs(controls, _verb, _write_json)
     return top
 
 
@@ -148,6 +169,11 @@ def _add_run_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--out", type=Path, default=Path("runs"), help="folder of run folders")
     verb.add_argument("--no-progress", action="store_true", help="no progress bar")
     verb.add_argument("--real-time", action="store_true", help="no faster than the clock (sim)")
+    verb.add_argument(
+        "--drawn",
+        action="store_true",
+        help="draw what is seen from perception's measured errors, without pictures (sim)",
+    )
     verb.add_argument("--socket", type=Path, help="control socket of the live robot")
 
 
@@ -172,6 +198,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 frames=arguments.frames,
                 wait=arguments.wait,
                 real_time=arguments.real_time,
+                drawn=arguments.drawn,
                 socket=arguments.socket,
             ),
             load_config(arguments.config),
@@ -205,6 +232,18 @@ def _bench_pipeline(arguments: argparse.Namespace) -> int:
     return EXIT_DONE
 
 
+def _bench_coverage(arguments: argparse.Namespace) -> int:
+    from robot.bench.coverage import bench_coverage
+    from robot.config import load_config
+    from robot.progress import print_table
+
+    result = bench_coverage(arguments.maps, load_config(arguments.config), arguments.out)
+    if arguments.json != "-":
+        print_table("coverage", [*result["maps"], {"name": "mean", **result["mean"]}])
+    _write_json(arguments.json, result)
+    return EXIT_DONE
+
+
 def _bench_stereo(arguments: argparse.Namespace) -> int:
     from robot.bench.stereo import StereoOrder, run_order, tables
     from robot.progress import print_table
@@ -219,6 +258,25 @@ def _bench_stereo(arguments: argparse.Namespace) -> int:
     if arguments.json != "-":
         for title, rows in tables(result).items():
             print_table(title, rows)
+    _write_json(arguments.json, result)
+    return EXIT_DONE
+
+
+def _bench_slam(arguments: argparse.Namespace) -> int:
+    from robot.bench.slam import bench_slam
+    from robot.config import load_config
+    from robot.progress import print_table
+
+    result = bench_slam(
+        arguments.path,
+        load_config(arguments.config),
+        arguments.association,
+        arguments.out,
+        arguments.perturb,
+    )
+    if arguments.json != "-":
+        print_table("slam", result["runs"])
+        print_table("cost of one step", result["cost"])
     _write_json(arguments.json, result)
     return EXIT_DONE
 
@@ -255,17 +313,6 @@ def _ask(arguments: argparse.Namespace) -> int:
         print(answer.get("reason", ""))
     _write_json(arguments.json, answer)
     return EXIT_DONE if answer.get("accepted") else EXIT_USAGE
-
-
-def _wheels_stop(arguments: argparse.Namespace) -> int:
-    from robot.body.check import stop_motors
-    from robot.config import load_config
-
-    sentence = stop_motors(load_config(arguments.config))
-    _write_json(arguments.json, {"stopped": True, "reason": sentence})
-    if arguments.json != "-":
-        print(sentence)
-    return EXIT_DONE
 
 
 def _write_json(target: str | None, result: dict[str, Any]) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import cv2
 
 from robot.body.control import ControlSocket
+from robot.body.eyes import DrawnEyes, Eyes, RenderedEyes
 from robot.body.live import LiveBody
 from robot.body.notify import Notifier
 from robot.body.observe import Observer, Snapshot
@@ -43,6 +44,7 @@ class RunOptions:
     frames: bool = False
     wait: bool = False
     real_time: bool = False
+    drawn: bool = False
     socket: Path | None = None
 
 
@@ -97,13 +99,11 @@ def _simulated(
     options: RunOptions, config: Config, judge: Judge, observer: Observer, stack: ExitStack
 ) -> SimulatedBody:
     from firmware_bridge.host import HostFirmware, build_host_firmware
-    from robot.sim.render_process import RenderProcess
 
     build = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="sweeper-")))
     cv2.setNumThreads(1)  # two cores are busy with drawing, seeing and thinking side by side
-    camera = config.camera.stereo_camera()
-    renderer = RenderProcess(options.scene, camera, config.sim, options.seed)
-    stack.callback(renderer.close)
+    eyes = _eyes(options, config, judge)
+    stack.callback(eyes.close)
     firmware = HostFirmware(build_host_firmware(build))
     stack.callback(firmware.close)
     body = SimulatedBody(
@@ -111,8 +111,7 @@ def _simulated(
         judge.world,
         judge.base,
         firmware,
-        renderer,
-        open_perception(config),
+        eyes,
         observer,
         duration_s=options.duration_s or MAX_SIM_S,
         record_frames=options.frames,
@@ -121,6 +120,18 @@ def _simulated(
     )
     stack.callback(body.close)
     return body
+
+
+def _eyes(options: RunOptions, config: Config, judge: Judge) -> Eyes:
+    if options.drawn:
+        from robot.sim.drawn import DrawnSight
+
+        return DrawnEyes(DrawnSight(judge.world, config, options.seed))
+    from robot.sim.render_process import RenderProcess
+
+    camera = config.camera.stereo_camera()
+    renderer = RenderProcess(options.scene, camera, config.sim, options.seed)
+    return RenderedEyes(renderer, open_perception(config))
 
 
 def _live(options: RunOptions, config: Config, observer: Observer, stack: ExitStack) -> LiveBody:

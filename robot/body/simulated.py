@@ -1,9 +1,8 @@
 """The simulated body: the built-in world around the real firmware, bridge and perception.
 
 Physics runs in steps of 5 ms in lock-step with the motor controller's firmware, which is built for
-the host and spoken to over a real pseudo-terminal. Frames are rendered in a second process and
-perceived in a second thread, as on the robot. Answers of workers arrive after a fixed simulated
-latency, however long they took, so a seed always gives the same life.
+the host and spoken to over a real pseudo-terminal. Answers of workers (eyes, planner) arrive after
+a fixed simulated latency, however long they took, so a seed always gives the same life.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -19,6 +17,7 @@ from firmware_bridge.host import HostFirmware, HostInputs
 from firmware_bridge.link import Link
 from firmware_bridge.transport import SerialTransport
 from robot.body.base import Recorder
+from robot.body.eyes import Eyes
 from robot.config import Config
 from robot.hardware.wheels import WheelBridge
 from robot.messages import (
@@ -29,16 +28,12 @@ from robot.messages import (
     Planned,
     PlanOrder,
     Request,
-    Seen,
-    StereoFrame,
     Tick,
 )
 from robot.planning.worker import plan
 
 if TYPE_CHECKING:
-    from robot.perception.chain import Perception
     from robot.sim.base import SimBase
-    from robot.sim.render_process import RenderProcess
     from robot.sim.world import World
 
 NS = 1_000_000_000
@@ -59,8 +54,7 @@ class SimulatedBody:
         world: World,
         base: SimBase,
         firmware: HostFirmware,
-        renderer: RenderProcess,
-        perception: Perception,
+        eyes: Eyes,
         recorder: Recorder,
         *,
         duration_s: float,
@@ -72,8 +66,7 @@ class SimulatedBody:
         self._base_from_scene = world.start.inverse()
         self._base = base
         self._firmware = firmware
-        self._renderer = renderer
-        self._perception = perception
+        self._eyes = eyes
         self._recorder = recorder
         self._record_frames = record_frames
         self._real_time = real_time
@@ -81,8 +74,7 @@ class SimulatedBody:
         self._transport = SerialTransport(firmware.port, config.link.baud)
         self._wheels = WheelBridge(Link(self._transport), config.robot, config.link)
         self._frame_ns = int(NS / config.camera.rate_hz)
-        self._eyes = ThreadPoolExecutor(1, "perception")
-        self._pending: deque[tuple[int, Future[tuple[StereoFrame, Seen]]]] = deque()
+        self._arrivals_ns: deque[int] = deque()  # of what the eyes are busy with
         self._planned: deque[tuple[int, Planned]] = deque()
         self._yaw_since_frame_rad = 0.0
         self._pwm = (0.0, 0.0)
@@ -127,7 +119,6 @@ class SimulatedBody:
 
     def close(self) -> None:
         """Close the serial port; the processes belong to whoever started them."""
-        self._eyes.shutdown(cancel_futures=True)
         self._transport.close()
 
     # ------------------------------------------------------------------ parts of a tick
@@ -164,20 +155,20 @@ class SimulatedBody:
 
     def _expose(self, now_ns: int, seq: int) -> None:
         """Take a picture: it is drawn and perceived while the world goes on."""
-        self._renderer.request(now_ns, seq, self._base.world_from_base)
-        arrives_ns = now_ns + SEEN_LATENCY_NS
-        seen = self._eyes.submit(self._see, arrives_ns, self._yaw_since_frame_rad)
-        self._pending.append((arrives_ns, seen))
+        pose, arrives_ns = self._base.world_from_base, now_ns + SEEN_LATENCY_NS
+        self._eyes.expose(now_ns, arrives_ns, seq, pose, self._yaw_since_frame_rad)
+        self._arrivals_ns.append(arrives_ns)
         self._yaw_since_frame_rad = 0.0
-        self._recorder.truth(now_ns, self._base_from_scene @ self._base.world_from_base)
+        self._recorder.truth(now_ns, self._base_from_scene @ pose)
 
     def _answers(self, now_ns: int) -> Iterator[Event]:
         """What the workers have finished by now."""
-        while self._pending and self._pending[0][0] <= now_ns:
+        while self._arrivals_ns and self._arrivals_ns[0] <= now_ns:
+            self._arrivals_ns.popleft()
             before_ns = time.perf_counter_ns()
-            frame, seen = self._pending.popleft()[1].result()
+            frame, seen = self._eyes.seen()
             self._timed("wait_seen", before_ns)
-            if self._record_frames:
+            if self._record_frames and frame is not None:
                 self._recorder.frame(frame)
             self.frames += 1
             before_ns = time.perf_counter_ns()
@@ -186,11 +177,6 @@ class SimulatedBody:
         while self._planned and self._planned[0][0] <= now_ns:
             arrives_ns, answer = self._planned.popleft()
             yield replace(answer, t_ns=arrives_ns)
-
-    def _see(self, arrives_ns: int, yaw_change_rad: float) -> tuple[StereoFrame, Seen]:
-        """The oldest picture asked for, and what is seen in it. Runs in the eyes' thread."""
-        frame, disparity_px = self._renderer.result(yaw_change_rad)
-        return frame, self._perception.see(frame, arrives_ns, given=disparity_px)
 
     def _timed(self, stage: str, started_ns: int) -> None:
         """Note the wall time of one passage of `stage`, for the summary."""
