@@ -1,0 +1,1 @@
+"""One file each: what the robot can do or show."""

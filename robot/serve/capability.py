@@ -1,0 +1,133 @@
+"""What a capability is: declared once, and REST, OpenAPI, the page, MQTT and the docs follow.
+
+A capability is one small file in `robot/serve/capabilities` with one constant, `CAPABILITY`. It is
+shown only while the robot has it (`has`).
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+if TYPE_CHECKING:
+    from robot.serve.runs import Runs
+    from robot.serve.runtime import Runtime
+    from robot.serve.world import World
+
+PREFIX = "/api/v1"
+Schema = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """All that a capability may use."""
+
+    runtime: Runtime
+    world: World
+    runs: Runs
+    name: str
+    robot_id: str
+    fleet: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+    has_fleet: bool = False
+
+
+Handler = Callable[[Robot, Request], Awaitable[Response]]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """Of the path or the query; a query's is always optional."""
+
+    name: str
+    summary: str
+    schema: Schema
+    where: Literal["path", "query"] = "path"
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """One REST operation below `PREFIX`."""
+
+    method: Literal["GET", "POST"]
+    path: str
+    summary: str
+    handler: Handler
+    answer: Schema | None = None  # of JSON
+    media: str = "application/json"
+    parameters: tuple[Parameter, ...] = ()
+    refusals: tuple[int, ...] = ()  # beside 400, 401, 403, 413, 421, 429
+
+
+@dataclass(frozen=True, slots=True)
+class Button:
+    """How the page and Home Assistant show a request."""
+
+    label: str
+    states: frozenset[str]  # of the mission, in which it makes sense
+    weight: Literal["main", "plain", "danger"] = "plain"
+    vacuum: str = ""  # Home Assistant's feature of a vacuum, if it has one for this
+    icon: str = ""  # Material Design's name, for Home Assistant
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """One value for Home Assistant: a component, and its settings over the state's JSON."""
+
+    component: str  # sensor, binary_sensor, image
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Capability:
+    """Something the robot can do or show."""
+
+    name: str
+    title: str
+    summary: str
+    operations: tuple[Operation, ...]
+    has: Callable[[Robot], bool] = lambda robot: True
+    button: Button | None = None
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+
+
+RESTING = frozenset({"idle", "docked", "done", "error"})
+ACTIVE = frozenset(
+    {"starting", "undock", "look", "clean", "return", "dock", "recover", "spot", "travel"}
+)
+ACCEPTED: Schema = {
+    "type": "object",
+    "required": ["accepted", "reason"],
+    "properties": {"accepted": {"type": "boolean"}, "reason": {"type": "string"}},
+}
+
+
+def request_capability(
+    verb: str, title: str, summary: str, button: Button, path: str = ""
+) -> Capability:
+    """A capability that hands one verb to the mission."""
+
+    async def ask(robot: Robot, request: Request) -> Response:
+        answer = await robot.runtime.request(verb)
+        return JSONResponse(answer, 200 if answer["accepted"] else 409)
+
+    operation = Operation("POST", path or f"/{verb}", summary, ask, ACCEPTED, refusals=(409, 503))
+    return Capability(
+        verb, title, summary, (operation,), lambda robot: robot.world.has(verb), button
+    )
+
+
+@cache
+def capabilities() -> tuple[Capability, ...]:
+    """Everything that is declared, by name of its file."""
+    from robot.serve import capabilities as folder
+
+    names = sorted(module.name for module in pkgutil.iter_modules(folder.__path__))
+    found = [importlib.import_module(f"{folder.__name__}.{name}").CAPABILITY for name in names]
+    return tuple(found)
