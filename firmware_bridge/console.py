@@ -7,6 +7,7 @@ session and keeps it, but never orders anything, so the controller stays stopped
 from __future__ import annotations
 
 import argparse
+import contextlib
 import stat
 import sys
 import time
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import BinaryIO, Literal
 
 from firmware_bridge.codec import Packet, unpack
+from firmware_bridge.counting import LinkCounters
 from firmware_bridge.errors import BridgeError
 from firmware_bridge.framing import FrameDecoder
 from firmware_bridge.link import Link
@@ -85,7 +87,7 @@ class _Recording(SerialTransport):
 
 def monitor(
     transport: SerialTransport, show: Callable[[str], None], until: Callable[[], bool]
-) -> None:
+) -> LinkCounters:
     """Print everything on the line until `until()`; says so when there is no session."""
     start_ns = time.monotonic_ns()
 
@@ -101,6 +103,28 @@ def monitor(
             if said:
                 show(said)
         time.sleep(POLL_S)
+    return link.counters
+
+
+def monitor_port(
+    port: str,
+    baud: int,
+    show: Callable[[str], None],
+    until: Callable[[], bool],
+    record: Path | None = None,
+) -> LinkCounters:
+    """Monitor a serial port ('' finds it) and keep its incoming bytes in a file, if one is named.
+
+    Returns what the link has counted. Raises BridgeError when the port cannot be opened.
+    """
+    with contextlib.ExitStack() as stack:
+        transport = SerialTransport(port, baud)
+        if record is not None:
+            transport = _Recording(port, baud, stack.enter_context(record.open("wb")))
+        if not transport.open():
+            raise BridgeError(transport.problem)
+        stack.callback(transport.close)
+        return monitor(transport, show, until)
 
 
 def _is_port(source: Path) -> bool:
@@ -120,33 +144,15 @@ def main(arguments: list[str] | None = None) -> int:
             for line in decode_capture(options.source.read_bytes()):
                 print(line)
             return 0
-        return _live(options)
+        end_s = time.monotonic() + options.seconds
+        port = str(options.source)
+        monitor_port(port, options.baud, print, lambda: time.monotonic() >= end_s, options.record)
+        return 0
     except (BridgeError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 0
-
-
-def _live(options: argparse.Namespace) -> int:
-    end_s = time.monotonic() + options.seconds
-
-    def until() -> bool:
-        return time.monotonic() >= end_s
-
-    port = str(options.source)
-    if options.record is None:
-        transport = SerialTransport(port, options.baud)
-        if not transport.open():
-            raise BridgeError(transport.problem)
-        monitor(transport, print, until)
-        return 0
-    with options.record.open("wb") as file:
-        transport = _Recording(port, options.baud, file)
-        if not transport.open():
-            raise BridgeError(transport.problem)
-        monitor(transport, print, until)
-    return 0
 
 
 if __name__ == "__main__":

@@ -51,6 +51,12 @@ class LinkCounters:
     opened: int = 0
     latency: list[int] = field(default_factory=lambda: [0] * (len(LATENCY_EDGES_MS) + 1))
 
+    def as_dict(self) -> dict[str, int | dict[str, int]]:
+        """All of them by name; the latency histogram by its upper edges in ms."""
+        edges = [f"<= {edge} ms" for edge in LATENCY_EDGES_MS] + [f"> {LATENCY_EDGES_MS[-1]} ms"]
+        counts = {name: value for name, value in vars(self).items() if name != "latency"}
+        return {**counts, "latency": dict(zip(edges, self.latency, strict=True))}
+
     def waited(self, waited_ms: float) -> None:
         """Note how long an order waited for its answer."""
         self.latency[sum(waited_ms > edge for edge in LATENCY_EDGES_MS)] += 1

@@ -50,7 +50,8 @@ def _unpack_lines(spec: Spec) -> list[str]:
             f"(({wide})in[{at + byte}] << {8 * byte})" if byte else f"({wide})in[{at}]"
             for byte in range(size)
         ]
-        lines.append(f"    m->{field.name} = ({field.ctype.name})({' | '.join(parts)});")
+        unsigned = f"({wide})" if field.ctype.name != wide else ""
+        lines.append(f"    m->{field.name} = ({field.ctype.name}){unsigned}({' | '.join(parts)});")
         at += size
     return lines or ["    (void)m;", "    (void)in;"]
 

@@ -32,7 +32,7 @@ void wheel_brake(struct wheel *w)
 /* Speed over the window that ends now. */
 static void measure(struct wheel *w, int32_t ticks)
 {
-    int32_t moved = (int32_t)((uint32_t)ticks - (uint32_t)w->past_ticks[w->oldest]);
+    int32_t moved = (int32_t)(uint32_t)((uint32_t)ticks - (uint32_t)w->past_ticks[w->oldest]);
     w->past_ticks[w->oldest] = ticks;
     w->speed_um_s = clamp(moved, MAX_WINDOW_TICKS) * UM_S_PER_WINDOW_TICK;
 }

@@ -7,7 +7,7 @@ uint8_t frame_encode(const uint8_t *body, uint8_t length, uint8_t *out)
     uint32_t crc = crc32(body, length);
     uint8_t code_at = 0;
     uint8_t at = 1;
-    for (uint8_t i = 0; i < length + FRAME_CRC_SIZE; i++) {
+    for (uint8_t i = 0; i < (length + FRAME_CRC_SIZE); i++) {
         uint8_t byte;
         if (i < length) {
             byte = body[i];
@@ -60,7 +60,7 @@ static uint8_t finish(struct frame_decoder *d)
         uint32_t crc = crc32(d->body, length);
         bool same = true;
         for (uint8_t i = 0; i < FRAME_CRC_SIZE; i++) {
-            same = same && (d->body[length + i] == (uint8_t)(crc >> (8u * i)));
+            same = same && (d->body[length + i] == (uint8_t)(crc >> (8u * (uint32_t)i)));
         }
         if (same) {
             d->frames++;

@@ -84,8 +84,8 @@ struct wire_drive {
 };
 static inline void wire_unpack_drive(const uint8_t *in, struct wire_drive *m)
 {
-    m->left_mm_s = (int16_t)((uint16_t)in[0] | ((uint16_t)in[1] << 8));
-    m->right_mm_s = (int16_t)((uint16_t)in[2] | ((uint16_t)in[3] << 8));
+    m->left_mm_s = (int16_t)(uint16_t)((uint16_t)in[0] | ((uint16_t)in[1] << 8));
+    m->right_mm_s = (int16_t)(uint16_t)((uint16_t)in[2] | ((uint16_t)in[3] << 8));
     m->brush_pct = (uint8_t)((uint8_t)in[4]);
     m->fan_pct = (uint8_t)((uint8_t)in[5]);
     m->valid_for_ms = (uint16_t)((uint16_t)in[6] | ((uint16_t)in[7] << 8));
