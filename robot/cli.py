@@ -142,6 +142,10 @@ def parser() -> argparse.ArgumentParser:
     ask.add_argument("args", nargs="*")
     ask.add_argument("--socket", type=Path, default=Path("/run/sweeper/control.sock"))
 
+    from robot.serve.verbs import add_options as add_serve_options
+
+    add_serve_options(_verb(verbs, "serve", "web page, API and MQTT of a running robot", _serve))
+
     wheels = verbs.add_parser("wheels", help="the motor controller: stop, monitor, drive, ...")
     controls = wheels.add_subparsers(title="controls", metavar="CONTROL", required=True)
     add_wheels_verbs(controls, _verb, _write_json)
@@ -174,7 +178,7 @@ def _add_run_options(verb: argparse.ArgumentParser) -> None:
         action="store_true",
         help="draw what is seen from perception's measured errors, without pictures (sim)",
     )
-    verb.add_argument("--socket", type=Path, help="control socket of the live robot")
+    verb.add_argument("--socket", type=Path, help="control socket: be watched, steered")
 
 
 # ---------------------------------------------------------------------- verbs
@@ -313,6 +317,13 @@ def _ask(arguments: argparse.Namespace) -> int:
         print(answer.get("reason", ""))
     _write_json(arguments.json, answer)
     return EXIT_DONE if answer.get("accepted") else EXIT_USAGE
+
+
+def _serve(arguments: argparse.Namespace) -> int:
+    from robot.serve.verbs import run
+
+    _write_json(arguments.json, run(arguments))
+    return EXIT_DONE
 
 
 def _write_json(target: str | None, result: dict[str, Any]) -> None:

@@ -42,6 +42,11 @@ def check(config: Config) -> list[Finding]:
     return [*findings, *_machine()]
 
 
+def check_running(config: Config) -> list[Finding]:
+    """What can be checked beside a running robot, whose devices are busy."""
+    return [_run("calibration", _calibration, config), *_machine()]
+
+
 def stop_motors(config: Config) -> str:
     """Latch a stop in the motor controller; returns a sentence. Raises HardwareError."""
     wheels = open_wheels(config.robot, config.link)

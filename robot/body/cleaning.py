@@ -14,11 +14,11 @@ from typing import Any
 
 import cv2
 
-from robot.body.control import ControlSocket
 from robot.body.eyes import DrawnEyes, Eyes, RenderedEyes
 from robot.body.live import LiveBody
 from robot.body.notify import Notifier
 from robot.body.observe import Observer, Snapshot
+from robot.body.onlookers import Onlookers
 from robot.body.simulated import SimulatedBody
 from robot.body.sources import open_gyro, open_perception, open_stereo, read_calibration
 from robot.body.summary import Judge, summarise, write_run_folder
@@ -30,6 +30,7 @@ from robot.log.writer import LogHeader, LogWriter
 from robot.run import run
 
 MAX_SIM_S = 1800.0  # a simulated clean that takes longer has lost its way
+WEEK_S = 7 * 24 * 3600.0  # of waiting for requests
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,13 +71,16 @@ def run_cleaning(
         )
         log = stack.enter_context(LogWriter(folder / "log.mcap", header, config.log))
         observer = Observer(log, log, progress, judge.covered_pct if judge else None)
+        brain = Brain(config)
+        onlookers = Onlookers(options.socket, config, options.body, stack)
+        loop_log = onlookers.stand_before(observer, brain, lambda name: _run_folder(options, name))
         body = (
-            _simulated(options, config, judge, observer, stack)
+            _simulated(options, config, judge, observer, onlookers, stack)
             if judge
-            else _live(options, config, observer, stack)
+            else _live(options, config, observer, onlookers, stack)
         )
         started_s = time.monotonic()
-        run(body, Brain(config), observer)
+        run(body, brain, loop_log)
         wall_s = time.monotonic() - started_s
     summary = summarise(observer, body, judge, options.scene, options.seed, wall_s)
     summary["log"] = str(folder / "log.mcap")
@@ -96,13 +100,18 @@ def _open_world(options: RunOptions, config: Config) -> Judge:
 
 
 def _simulated(
-    options: RunOptions, config: Config, judge: Judge, observer: Observer, stack: ExitStack
+    options: RunOptions,
+    config: Config,
+    judge: Judge,
+    observer: Observer,
+    onlookers: Onlookers,
+    stack: ExitStack,
 ) -> SimulatedBody:
     from firmware_bridge.host import HostFirmware, build_host_firmware
 
     build = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="sweeper-")))
     cv2.setNumThreads(1)  # two cores are busy with drawing, seeing and thinking side by side
-    eyes = _eyes(options, config, judge)
+    eyes = _eyes(options, config, judge, onlookers)
     stack.callback(eyes.close)
     firmware = HostFirmware(build_host_firmware(build))
     stack.callback(firmware.close)
@@ -113,16 +122,17 @@ def _simulated(
         firmware,
         eyes,
         observer,
-        duration_s=options.duration_s or MAX_SIM_S,
+        duration_s=options.duration_s or (WEEK_S if options.wait and options.socket else MAX_SIM_S),
         record_frames=options.frames,
         real_time=options.real_time,
         start=not options.wait,
+        control=onlookers.control,
     )
     stack.callback(body.close)
     return body
 
 
-def _eyes(options: RunOptions, config: Config, judge: Judge) -> Eyes:
+def _eyes(options: RunOptions, config: Config, judge: Judge, onlookers: Onlookers) -> Eyes:
     if options.drawn:
         from robot.sim.drawn import DrawnSight
 
@@ -131,24 +141,31 @@ def _eyes(options: RunOptions, config: Config, judge: Judge) -> Eyes:
 
     camera = config.camera.stereo_camera()
     renderer = RenderProcess(options.scene, camera, config.sim, options.seed)
-    return RenderedEyes(renderer, open_perception(config))
+    perception = open_perception(config)
+    onlookers.look_through(perception)
+    return RenderedEyes(renderer, perception)
 
 
-def _live(options: RunOptions, config: Config, observer: Observer, stack: ExitStack) -> LiveBody:
+def _live(
+    options: RunOptions,
+    config: Config,
+    observer: Observer,
+    onlookers: Onlookers,
+    stack: ExitStack,
+) -> LiveBody:
     wheels = open_wheels(config.robot, config.link)
     stack.callback(wheels.close)
-    control = None
-    if options.socket is not None:
-        control = ControlSocket(options.socket)
-    elif options.wait and not options.frames:
+    if options.wait and not options.frames and options.socket is None:
         raise SweeperError("--wait needs --socket PATH, so that `sweeper ask start` can reach it.")
+    perception = open_perception(config)
+    onlookers.look_through(perception)
     body = LiveBody(
         config,
         open_stereo(config),
-        open_perception(config),
+        perception,
         wheels,
         gyro=open_gyro(config),
-        control=control,
+        control=onlookers.control,
         recorder=observer if options.frames else None,
         notifier=Notifier(),
         duration_s=options.duration_s or float("inf"),
@@ -164,7 +181,7 @@ def _new_folder(options: RunOptions) -> Path:
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     try:
         options.out.mkdir(parents=True, exist_ok=True)
-        folder = _make_unique(options.out / f"{stamp}-{what}")
+        folder = _run_folder(options, f"{stamp}-{what}")
         link = options.out / f".latest-{folder.name}"
         link.symlink_to(folder.name)
         link.replace(options.out / "latest")
@@ -173,6 +190,10 @@ def _new_folder(options: RunOptions) -> Path:
             f"--out {options.out}: cannot be written ({error.strerror}); give a writable folder."
         ) from None
     return folder
+
+
+def _run_folder(options: RunOptions, name: str) -> Path:
+    return _make_unique(options.out / name)
 
 
 def _make_unique(wanted: Path) -> Path:

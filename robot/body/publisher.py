@@ -276,7 +276,7 @@ def cut_tiles(grid: Grid, covered: np.ndarray) -> dict[Place, bytes]:
     known = tiles.any(axis=(2, 3))
     return {
         (ix0 // size + int(i), iy0 // size + int(j)): tiles[j, i].tobytes()
-        for j, i in zip(*np.nonzero(known), strict=True)
+        for j, i in np.argwhere(known)
     }
 
 

@@ -17,6 +17,7 @@ from firmware_bridge.host import HostFirmware, HostInputs
 from firmware_bridge.link import Link
 from firmware_bridge.transport import SerialTransport
 from robot.body.base import Recorder
+from robot.body.control import ControlSocket
 from robot.body.eyes import Eyes
 from robot.config import Config
 from robot.hardware.wheels import WheelBridge
@@ -61,6 +62,7 @@ class SimulatedBody:
         record_frames: bool = False,
         real_time: bool = False,
         start: bool = True,
+        control: ControlSocket | None = None,
     ) -> None:
         self._config = config
         self._base_from_scene = world.start.inverse()
@@ -79,6 +81,7 @@ class SimulatedBody:
         self._yaw_since_frame_rad = 0.0
         self._pwm = (0.0, 0.0)
         self._start = start
+        self._control = control
         self.stage_ms: dict[str, list[float]] = {}
         self.frames = 0
         self.frames_dropped = 0
@@ -95,6 +98,8 @@ class SimulatedBody:
             yield from self._sensors(now_ns)
             if now_ns == START_NS and self._start:
                 yield Request(now_ns, "start")
+            if self._control is not None:
+                yield from self._control.poll(now_ns)
             if now_ns % self._frame_ns < TICK_NS:
                 self._expose(now_ns, seq)
                 seq += 1
@@ -112,7 +117,10 @@ class SimulatedBody:
             answer = plan(command, self._config.planning, self._config.robot)
             self._timed("plan", before_ns)
             self._planned.append((command.t_ns + PLAN_LATENCY_NS, answer))
-        elif isinstance(command, MissionState) and command.state in ("done", "error"):
+        elif isinstance(command, MissionState):
+            # Who waits for a start waits for the next one, too.
+            if command.state not in ("done", "error") or not self._start:
+                return
             self._end_ns = min(self._end_ns, command.t_ns + AFTER_END_NS)
         else:
             self._wheels.send(command)

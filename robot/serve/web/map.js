@@ -32,7 +32,7 @@ export class MapView {
     const size = 4 + TILE * TILE;
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     for (let at = 0; at + size <= bytes.length; at += size) {
-      const i = view.getInt16(at), j = view.getInt16(at + 2);
+      const i = view.getInt16(at, true), j = view.getInt16(at + 2, true);
       const cells = bytes.slice(at + 4, at + size);
       const key = `${i},${j}`;
       if (cells.some((cell) => cell)) this.tiles.set(key, { i, j, cells, image: this.draw(cells) });

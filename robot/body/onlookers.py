@@ -1,0 +1,61 @@
+"""People who watch and steer a run over its socket: what the body and the log need for them.
+
+Without a socket nothing of this exists, and a run is as it always was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Protocol
+
+from robot.body.base import EventLog
+from robot.body.check import check_running
+from robot.body.control import ControlSocket
+from robot.body.diary import Diary
+from robot.body.observe import Observer
+from robot.body.outlook import Outlook, Sight
+from robot.body.publisher import Looked, Publisher
+from robot.config import Config
+
+
+class Looking(Protocol):
+    """Perception, as far as people look through it."""
+
+    looked: Looked | None
+
+
+class Onlookers:
+    """The socket of a run, and what stands behind it."""
+
+    def __init__(self, socket: Path | None, config: Config, body: str, stack: ExitStack) -> None:
+        """Raises HardwareError when the socket cannot be opened."""
+        self._config, self._body, self._stack = config, body, stack
+        self._looking: Looking | None = None
+        self.control: ControlSocket | None = None
+        if socket is not None:
+            self.control = ControlSocket(socket)
+            stack.callback(self.control.close)
+
+    def look_through(self, perception: Looking) -> None:
+        """From now on, this is what the robot sees."""
+        self._looking = perception
+
+    def stand_before(
+        self, observer: Observer, brain: Sight, folder: Callable[[str], Path]
+    ) -> EventLog:
+        """The log that the loop writes to; `folder` makes the folder of a finished run."""
+        if self.control is None:
+            return observer
+        config = self._config
+        diary = Diary(observer, folder)
+        outlook = Outlook(diary, brain, self._body, config.robot.radius_m)
+        publisher = Publisher(outlook, self._looked, lambda: check_running(config))
+        self._stack.callback(publisher.stop)
+        self.control.adopt = publisher.adopt
+        publisher.start()
+        return outlook
+
+    def _looked(self) -> Looked | None:
+        return None if self._looking is None else self._looking.looked
