@@ -12,16 +12,22 @@ SEED ?= 1
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: run test test-long lint types firmware messages bench train a53 clean
+.PHONY: run demo fuzz test test-long lint types firmware messages bench train a53 clean
 
 run: $(VENV)/.sim
 	$(BIN)/sweeper run --body sim --scene $(SCENE) --seed $(SEED)
+
+demo: $(VENV)/.web
+	$(BIN)/python -m robot.serve.demo --scene $(SCENE) --seed $(SEED)
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "not long"
 
 test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long
+
+fuzz: $(VENV)/.dev
+	SWEEPER_FUZZ_CASES=100000 $(BIN)/python -m pytest --timeout 7200 tests/unit/serve/test_fuzz.py
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -51,13 +57,17 @@ $(VENV)/.sim: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/pip install --quiet -e '.[sim]'
 	@touch $@
 
+$(VENV)/.web: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/pip install --quiet -e '.[sim,web,mqtt]'
+	@touch $@ $(VENV)/.sim
+
 $(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/pip install --quiet -e '.[dev]'
-	@touch $@ $(VENV)/.sim
+	@touch $@ $(VENV)/.sim $(VENV)/.web
 
 $(VENV)/.train: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/pip install --quiet -e '.[train,dev]'
-	@touch $@ $(VENV)/.dev $(VENV)/.sim
+	@touch $@ $(VENV)/.dev $(VENV)/.sim $(VENV)/.web
 
 clean:
 	rm -rf $(VENV) runs build *.egg-info

@@ -2,6 +2,7 @@
 
 import ast
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,7 @@ RIGHTS: dict[str, set[str]] = {
     "sim": TABLE,
     "log": TABLE,
     "evaluate": TABLE,
+    "serve": {"errors", "body"},  # of body, the stream's frames only
 }
 PURE = {"geometry", "messages", "perception", "slam", "mapping", "planning", "control", "mission"}
 PURE_FILES = {"brain", "run"}
@@ -83,6 +85,15 @@ def test_a_room_imports_only_what_it_may(path):
         return
     used = {room_of_import(name) for name in imports(path)} - {None, room(path), "__version__"}
     assert used <= allowed, f"{room(path)} may not import {sorted(used - allowed)}"
+
+
+def test_serve_knows_nothing_of_the_robot_but_its_socket():
+    for path in python_files("robot/serve"):
+        used = {n for n in imports(path) if n.startswith("robot.body.")}
+        assert all(n.startswith("robot.body.stream") for n in used), path
+    code = "import sys, robot.serve.app, robot.serve.mqtt; print('numpy' in sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "False"
 
 
 def test_firmware_bridge_knows_nothing_of_the_robot():
