@@ -100,10 +100,13 @@ class SlamConfig(Section):
     wheel_noise_m_per_sqrt_m: Positive = 0.004  # random walk of a wheel's travel on firm floor
     slip_noise_m_per_sqrt_m: NotNegative = 0.025  # and by slips that nothing notices
     wheel_scale_sigma: NotNegative = 0.02  # how wrong a wheel's diameter may be, relative
+    track_scale_sigma: NotNegative = 0.02  # and the width between the wheels
     gyro_noise_rad_per_sqrt_s: Positive = 0.001
     gyro_bias_sigma_radps: NotNegative = 0.02  # before the first standstill
     gyro_bias_walk: NotNegative = 0.00002  # rad/s per sqrt(s)
     slip_chi2: Positive = 12.0  # above: the wheels turned without the floor
+    # the filter
+    invariant: bool = False  # errors that turn with the heading: see ekf.py
     # association
     range_noise_factor: Positive = 4.0  # on variances of landmarks, as errors last many frames
     bearing_noise_factor: Positive = 4.0

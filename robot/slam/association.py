@@ -126,7 +126,7 @@ def _candidates(
     none = np.zeros(0, dtype=int)
     if not len(free) or not len(catalogue):
         return none, none
-    distance = _mahalanobis(ekf, seen, loose_m, free)
+    distance = mahalanobis(ekf, seen.sight[free], seen.cov[free], loose_m)
     fits = distance < config.gate_chi2
     fits &= seen.kind[free][:, None] == catalogue.kinds()[None]
     rise = np.abs(seen.height_m[free][:, None] - catalogue.heights_m()[None])
@@ -162,21 +162,23 @@ def _unambiguous(cost: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarra
     return np.array(rows, dtype=int), np.array(columns, dtype=int)
 
 
-def _mahalanobis(
-    ekf: LandmarkFilter, seen: Observations, loose_m: np.ndarray, index: np.ndarray
+def mahalanobis(
+    ekf: LandmarkFilter, sights: np.ndarray, cov: np.ndarray, loose_m: np.ndarray | None = None
 ) -> np.ndarray:
-    """Squared Mahalanobis distances (len(index), n) of sights to all landmarks."""
+    """Squared Mahalanobis distances (m, n) of sights (m, 2), with `cov`, to all landmarks."""
     predicted, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks())
     n = len(predicted)
     cross = ekf.P[POSE, FIRST_LANDMARK:].reshape(3, n, 2).transpose(1, 0, 2)
     mixed = by_pose @ cross @ by_point.transpose(0, 2, 1)
     spread = by_pose @ ekf.P[POSE, POSE] @ by_pose.transpose(0, 2, 1)
     spread += mixed + mixed.transpose(0, 2, 1)
-    place = ekf.landmark_covs() + (loose_m**2)[:, None, None] * np.eye(2)
+    place = ekf.landmark_covs()
+    if loose_m is not None:
+        place = place + (loose_m**2)[:, None, None] * np.eye(2)
     spread += by_point @ place @ by_point.transpose(0, 2, 1)
-    away = seen.sight[index][:, None, :] - predicted[None]
+    away = sights[:, None, :] - predicted[None]
     away[..., 1] = wrap(away[..., 1])
-    return quadratic(away, spread[None] + seen.cov[index][:, None])
+    return quadratic(away, spread[None] + cov[:, None])
 
 
 def quadratic(vector: np.ndarray, matrix: np.ndarray) -> np.ndarray:

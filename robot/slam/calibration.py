@@ -52,7 +52,7 @@ class Calibrator:
     def _learn_bias(self, yaw_rad: float, span_s: float) -> None:
         var = self._config.gyro_noise_rad_per_sqrt_s**2 / span_s + _BIAS_FLOOR_RADPS**2
         away = yaw_rad / span_s - float(self._ekf.x[CALIBRATION][GYRO_BIAS])
-        self._measure(np.array([1.0, 0.0, 0.0]), away, var)
+        self._measure(np.array([1.0, 0.0, 0.0, 0.0]), away, var)
 
     def _compare(self, span_s: float, left_m: float, right_m: float, yaw_rad: float) -> None:
         """The gyro's turn is what the two wheels and the bias make of it."""
@@ -63,7 +63,7 @@ class Calibrator:
         rolled = self._config.wheel_noise_m_per_sqrt_m**2 * (abs(left) + abs(right))
         var = (rolled + 2.0 * RESOLUTION_M**2) / width**2
         var += self._config.gyro_noise_rad_per_sqrt_s**2 * span_s
-        jacobian = np.array([span_s, -left_m / width, right_m / width])
+        jacobian = np.array([span_s, -left_m / width, right_m / width, 0.0])
         self._measure(jacobian, yaw_rad - float(expected), var)
 
     def _measure(self, jacobian: np.ndarray, away: float, var: float) -> None:

@@ -2,41 +2,54 @@
 
 This is the only file that knows filterpy's inside. State, in order:
 
-    pose (x_m, y_m, yaw_rad) | calibration (gyro bias rad/s, left, right wheel scale error)
+    pose (x_m, y_m, yaw_rad) | calibration (4 of the motion model)
     | marker (x_m, y_m, yaw_rad) | landmarks (x_m, y_m) ...
 
 A motion changes three rows and columns of the covariance and a measurement reads a handful of
 columns, so a predict costs O(n) and an update O(n^2) where the dense ones cost O(n^3).
 EKF-SLAM: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), chapter 10.
+
+A plain EKF linearises the same landmark about ever new estimates, and so believes to have learned
+the heading from sights that cannot tell it. `invariant` keeps the errors of all positions in the
+frame that turns with the heading's error: the right-invariant EKF of Barrau and Bonnabel, "An EKF-
+SLAM algorithm with consistency properties" (2015), in the coordinates of the plain one.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from robot.geometry.se2 import wrap_angle
+from robot.geometry.se2 import exp, wrap_angle
 
-POSE, CALIBRATION, MARKER = slice(0, 3), slice(3, 6), slice(6, 9)
-FIRST_LANDMARK = 9
-YAW, MARKER_YAW = 2, 8
+POSE, CALIBRATION, MARKER = slice(0, 3), slice(3, 7), slice(7, 10)
+FIRST_LANDMARK = 10
+YAW, MARKER_YAW = 2, 9
 
 
 class LandmarkFilter(ExtendedKalmanFilter):
     """Pose, calibration, one marker and any number of landmarks; `x` is (n,), `P` (n, n)."""
 
-    def __init__(self, sigma: np.ndarray) -> None:
-        """Start at zero with standard deviations `sigma` (9,), uncorrelated."""
+    def __init__(self, sigma: np.ndarray, invariant: bool = False) -> None:
+        """Start at zero with standard deviations `sigma` (10,), uncorrelated."""
         super().__init__(dim_x=FIRST_LANDMARK, dim_z=2)
         self.x = np.zeros(FIRST_LANDMARK)
         self.P = np.diag(np.asarray(sigma, dtype=float) ** 2)
         self.Q = np.zeros((FIRST_LANDMARK, FIRST_LANDMARK))
+        self._invariant = invariant
         self._resized()
 
     @property
     def count(self) -> int:
         """Number of landmarks."""
         return (self.dim_x - FIRST_LANDMARK) // 2
+
+    @property
+    def calibration(self) -> np.ndarray:
+        """What the motion model must correct (4,), a view."""
+        return self.x[CALIBRATION]
 
     def landmarks(self) -> np.ndarray:
         """Positions (m, 2), a copy."""
@@ -57,7 +70,7 @@ class LandmarkFilter(ExtendedKalmanFilter):
         calibration_noise: np.ndarray,
     ) -> None:
         """Move to `pose` (3,), with Jacobians (3, 3) and covariances `noise` (3, 3) of the pose
-        and `calibration_noise` (3,) variances of the calibration's random walk.
+        and `calibration_noise` (4,) variances of the calibration's random walk.
 
         Equal to filterpy's dense predict with F and Q filled with the same blocks.
         """
@@ -106,9 +119,43 @@ class LandmarkFilter(ExtendedKalmanFilter):
         lower = np.linalg.cholesky(spread)
         solved = np.linalg.solve(lower, np.column_stack([residual.reshape(-1), hp]))
         whitened, w_t = solved[:, 0], solved[:, 1:]
-        self.x = self.x + whitened @ w_t
         self.P -= w_t.T @ w_t
+        if self._invariant:
+            self._correct_invariantly(whitened @ w_t)
+        else:
+            self.x = self.x + whitened @ w_t
         self._wrap()
+
+    def _correct_invariantly(self, change: np.ndarray) -> None:
+        """Turn all positions together by the change of heading, and their errors with them.
+
+        With xi = (turn, shift of each position) and J the quarter turn, a position p becomes
+        exp(xi) p, where shift = change - J p turn; its error is shift + J p turn, so that the
+        covariance follows p by one rank-two step.
+        """
+        turn = float(change[YAW])
+        index = self._positions()
+        before = self.x[index]
+        shift = change[index] - turn * np.stack([-before[:, 1], before[:, 0]], axis=1)
+        rotated = exp(0.0, 0.0, turn).apply(before)
+        self.x = self.x + change
+        a, b = _arc(turn)
+        shifted = np.stack(
+            [a * shift[:, 0] - b * shift[:, 1], b * shift[:, 0] + a * shift[:, 1]], axis=1
+        )
+        self.x[index] = rotated + shifted
+        moved = self.x[index] - before
+        swing = np.zeros(self.dim_x)
+        swing[index] = np.stack([-moved[:, 1], moved[:, 0]], axis=1)
+        row = self.P[YAW] + (0.5 * self.P[YAW, YAW]) * swing
+        turned = np.outer(swing, row)
+        self.P += turned + turned.T
+
+    def _positions(self) -> np.ndarray:
+        """Indices (1 + 1 + m, 2) of the entries that are x and y."""
+        first = np.arange(FIRST_LANDMARK, self.dim_x, 2)
+        first = np.concatenate([[POSE.start, MARKER.start], first])
+        return first[:, None] + np.arange(2)
 
     def inflate(self, cov: np.ndarray) -> None:
         """Add `cov` (3, 3) to the pose's covariance: motion the odometry did not feel."""
@@ -173,3 +220,10 @@ class LandmarkFilter(ExtendedKalmanFilter):
         self.dim_x = len(self.x)
         self.F = self._I = np.eye(self.dim_x)
         self.Q = np.zeros((self.dim_x, self.dim_x))
+
+
+def _arc(turn_rad: float) -> tuple[float, float]:
+    """sin(t) / t and (1 - cos(t)) / t."""
+    if abs(turn_rad) < 1e-6:
+        return 1.0 - turn_rad * turn_rad / 6.0, 0.5 * turn_rad
+    return math.sin(turn_rad) / turn_rad, (1.0 - math.cos(turn_rad)) / turn_rad

@@ -1,8 +1,8 @@
 """How the robot moves: increments from wheels and gyro or from vision, and their composition.
 
 An `Increment` is the planar motion of `base` between two times, in the earlier `base`, with its
-noise and its derivative by the calibration (gyro bias, scale error of either wheel). Wheels give
-the distance and the gyro the turn; without a gyro the wheels give both.
+noise and its derivative by the calibration (gyro bias, scale error of either wheel and of the track
+width). Wheels give the distance and the gyro the turn; without a gyro the wheels give both.
 Odometry on circular arcs: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), sections 5.3-5.4.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from robot.geometry.se2 import SE2, wrap_angle
 
-GYRO_BIAS, LEFT_SCALE, RIGHT_SCALE = range(3)  # order of the calibration vector
+GYRO_BIAS, LEFT_SCALE, RIGHT_SCALE, TRACK_SCALE = range(4)  # order of the calibration vector
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ class OdometryNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Increment:
-    """Motion of `base`; `calibration_jacobian` (3, 3) is d(x, y, yaw) / d(calibration)."""
+    """Motion of `base`; `calibration_jacobian` (3, 4) is d(x, y, yaw) / d(calibration)."""
 
     previous_from_current: SE2
     calibration_jacobian: np.ndarray
@@ -50,26 +50,29 @@ class Increment:
 
 
 def wheel_increment(steps: Steps, calibration: np.ndarray, noise: OdometryNoise) -> Increment:
-    """Chain of circular arcs along `steps`; `calibration` is (gyro_bias_radps, left, right scale).
+    """Chain of circular arcs along `steps`; `calibration` (4,) is in the order given above.
 
-    A scale error e means that the wheel really rolled (1 + e) times what its encoder says.
+    A scale error e means that the wheel really rolled (1 + e) times what its encoder says, or that
+    the track is (1 + e) times as wide as drawn.
     """
     left = steps.left_m * (1.0 + calibration[LEFT_SCALE])
     right = steps.right_m * (1.0 + calibration[RIGHT_SCALE])
     distance = 0.5 * (left + right)
     if steps.yaw_rad is None:
-        turn = (right - left) / noise.track_width_m
+        width_m = noise.track_width_m * (1.0 + float(calibration[TRACK_SCALE]))
+        turn = (right - left) / width_m
     else:
         turn = steps.yaw_rad - calibration[GYRO_BIAS] * steps.duration_s
-    end, by_distance, by_turn = _chain(distance, turn)
+    end, by_distance, by_turn = chain(distance, turn)
 
     var_left = noise.wheel_m_per_sqrt_m**2 * np.abs(left)
     var_right = noise.wheel_m_per_sqrt_m**2 * np.abs(right)
     by_left, by_right = 0.5 * by_distance, 0.5 * by_distance
-    jacobian = np.zeros((3, 3))
+    jacobian = np.zeros((3, 4))
     if steps.yaw_rad is None:
-        by_left = by_left - by_turn / noise.track_width_m
-        by_right = by_right + by_turn / noise.track_width_m
+        by_left = by_left - by_turn / width_m
+        by_right = by_right + by_turn / width_m
+        jacobian[:, TRACK_SCALE] = -by_turn @ turn * (noise.track_width_m / width_m)
         cov = np.zeros((3, 3))
     else:
         jacobian[:, GYRO_BIAS] = -by_turn @ steps.duration_s
@@ -80,7 +83,7 @@ def wheel_increment(steps: Steps, calibration: np.ndarray, noise: OdometryNoise)
     return Increment(SE2(end[0], end[1], wrap_angle(end[2])), jacobian, cov)
 
 
-def _chain(
+def chain(
     distance_m: np.ndarray, turn_rad: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """End (3,) of a chain of arcs and its derivatives (3, n) by each distance and each turn."""
@@ -116,7 +119,7 @@ def visual_increment(
         change = change + gain * wrap_angle(gyro_yaw_rad - motion.yaw_rad)
         cov = cov - np.outer(gain, cov[2])
     x_m, y_m, yaw_rad = change.tolist()
-    return Increment(SE2(x_m, y_m, wrap_angle(yaw_rad)), np.zeros((3, 3)), cov)
+    return Increment(SE2(x_m, y_m, wrap_angle(yaw_rad)), np.zeros((3, 4)), cov)
 
 
 def compose(pose: np.ndarray, increment: SE2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -85,7 +85,7 @@ class Odometry:
     def blind(motion: SE2, span_s: float) -> Interval:
         """A guess of the motion, with the noise of not knowing."""
         wide = np.array([_BLIND_MPS, _BLIND_MPS, _BLIND_RADPS]) * math.sqrt(span_s * _BLIND_S)
-        return Interval(Increment(motion, np.zeros((3, 3)), np.diag(wide**2)), span_s)
+        return Interval(Increment(motion, np.zeros((3, 4)), np.diag(wide**2)), span_s)
 
     def _by_wheels(self, steps: Steps, calibration: np.ndarray) -> Interval:
         span_s = float(steps.duration_s.sum())
@@ -95,7 +95,7 @@ class Odometry:
         gyro = float(steps.yaw_rad.sum())
         turn = gyro - float(calibration[GYRO_BIAS]) * span_s
         if max(map(abs, raw)) < _STILL_M and abs(turn) < _STILL_RADPS * span_s:
-            stay = Increment(SE2(), np.zeros((3, 3)), _STILL_COV)
+            stay = Increment(SE2(), np.zeros((3, 4)), _STILL_COV)
             return Interval(stay, span_s, *raw, gyro, still=True)
         left = raw[0] * (1.0 + float(calibration[LEFT_SCALE]))
         right = raw[1] * (1.0 + float(calibration[RIGHT_SCALE]))

@@ -30,9 +30,9 @@ class Slam:
         from robot.slam.landmark_map import LandmarkMap
 
         self._config = config
-        scale = config.wheel_scale_sigma
-        sigma = [_START_SIGMA] * 3 + [config.gyro_bias_sigma_radps, scale, scale]
-        self._ekf = LandmarkFilter(np.array(sigma + [_MARKER_SIGMA] * 3))
+        scale, track = config.wheel_scale_sigma, config.track_scale_sigma
+        sigma = [_START_SIGMA] * 3 + [config.gyro_bias_sigma_radps, scale, scale, track]
+        self._ekf = LandmarkFilter(np.array(sigma + [_MARKER_SIGMA] * 3), config.invariant)
         self._map = LandmarkMap(config, self._ekf)
         self._odometry = Odometry(config, robot)
         self._calibrator = Calibrator(config, robot, self._ekf)
@@ -72,14 +72,14 @@ class Slam:
             return self._estimate(t_ns, SE2(), self._ekf.P[:3, :3].copy())
         if t_ns <= self._mark.t_ns:
             return self._estimate(t_ns, *self._history.at(t_ns))
-        interval = self._odometry.since(self._mark, t_ns, self._ekf.x[3:6])
+        interval = self._odometry.since(self._mark, t_ns, self._ekf.calibration)
         if interval is None:
             ahead_s = min(t_ns - self._mark.t_ns, _COAST_NS) * 1e-9
             interval = Odometry.blind(exp(*(ahead_s * rate for rate in self._twist)), ahead_s)
         increment = interval.increment
         end, by_pose, by_increment = compose(self._ekf.x[:3], increment.previous_from_current)
         jacobian = np.hstack([by_pose, by_increment @ increment.calibration_jacobian])
-        cov = jacobian @ self._ekf.P[:6, :6] @ jacobian.T
+        cov = jacobian @ self._ekf.P[:7, :7] @ jacobian.T
         cov += by_increment @ increment.cov @ by_increment.T
         return self._estimate(t_ns, SE2(*end.tolist()), cov)
 
@@ -95,7 +95,7 @@ class Slam:
         assert self._mark is not None
         span_s = (t_ns - self._mark.t_ns) * 1e-9
         visual = None if seen is None else seen.motion
-        interval = self._odometry.since(self._mark, t_ns, self._ekf.x[3:6], visual)
+        interval = self._odometry.since(self._mark, t_ns, self._ekf.calibration, visual)
         if interval is None:
             interval = Odometry.blind(SE2(), span_s)
         increment = interval.increment
@@ -105,7 +105,7 @@ class Slam:
             by_pose,
             by_increment @ increment.calibration_jacobian,
             by_increment @ increment.cov @ by_increment.T,
-            np.array([self._config.gyro_bias_walk**2 * span_s, 0.0, 0.0]),
+            np.array([self._config.gyro_bias_walk**2 * span_s, 0.0, 0.0, 0.0]),
         )
         self._calibrator.learn(interval)
         x, y, yaw = increment.previous_from_current.log()

@@ -25,7 +25,7 @@ class Room:
         self.places = np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1)
         self.bits = np.where(self.rng.uniform(size=(count, 256)) < 0.5, -1.0, 1.0).astype("f4")
         self.heights = self.rng.uniform(0.05, 1.0, count)
-        self.ekf = LandmarkFilter(np.array([sigma_m, sigma_m, 0.03] + [0.0] * 6))
+        self.ekf = LandmarkFilter(np.array([sigma_m, sigma_m, 0.03] + [0.0] * 7))
         small = np.tile(0.01 * np.eye(2), (count, 1, 1))
         self.ekf.add(self.places, np.zeros((count, 2, 3)), small, np.tile(np.eye(2), (count, 1, 1)))
         self.catalogue = Catalogue()

@@ -33,19 +33,19 @@ def some_steps(seed: int, gyro: bool, n: int = 6) -> Steps:
 
 def test_equal_wheels_drive_straight() -> None:
     steps = Steps(np.full(5, 0.02), np.full(5, 0.005), np.full(5, 0.005), None)
-    motion = wheel_increment(steps, np.zeros(3), NOISE).previous_from_current
+    motion = wheel_increment(steps, np.zeros(4), NOISE).previous_from_current
     assert as_array(motion) == pytest.approx([0.025, 0.0, 0.0], abs=1e-15)
 
 
 def test_unequal_wheels_drive_the_exact_arc() -> None:
     steps = Steps(np.full(4, 0.02), np.full(4, 0.01), np.full(4, 0.03), None)
-    motion = wheel_increment(steps, np.zeros(3), NOISE).previous_from_current
+    motion = wheel_increment(steps, np.zeros(4), NOISE).previous_from_current
     assert as_array(motion) == pytest.approx(as_array(exp(0.08, 0.0, 0.08 / 0.23)), abs=1e-12)
 
 
 def test_gyro_decides_the_turn() -> None:
     steps = Steps(np.full(2, 0.1), np.full(2, 0.02), np.full(2, 0.02), np.array([0.3, 0.3]))
-    increment = wheel_increment(steps, np.array([0.5, 0.0, 0.0]), NOISE)
+    increment = wheel_increment(steps, np.array([0.5, 0.0, 0.0, 0.0]), NOISE)
     assert increment.previous_from_current.yaw_rad == pytest.approx(0.6 - 0.5 * 0.2)
 
 
@@ -54,7 +54,7 @@ def test_gyro_decides_the_turn() -> None:
 @settings(max_examples=25, deadline=None)
 def test_calibration_jacobian(gyro: bool, seed: int) -> None:
     steps = some_steps(seed, gyro)
-    at = np.array([0.02, -0.03, 0.04])
+    at = np.array([0.02, -0.03, 0.04, 0.05])
 
     def end(calibration: np.ndarray) -> np.ndarray:
         return as_array(wheel_increment(steps, calibration, NOISE).previous_from_current)
@@ -73,13 +73,13 @@ def test_covariance_is_the_noise_of_every_sample_carried_to_the_end(gyro: bool, 
     def end(samples: np.ndarray) -> np.ndarray:
         yaw = samples[2 * n :] if gyro else None
         moved = Steps(steps.duration_s, samples[:n], samples[n : 2 * n], yaw)
-        return as_array(wheel_increment(moved, np.zeros(3), NOISE).previous_from_current)
+        return as_array(wheel_increment(moved, np.zeros(4), NOISE).previous_from_current)
 
     samples = np.concatenate([steps.left_m, steps.right_m, *([steps.yaw_rad] if gyro else [])])
     var = np.concatenate([0.02**2 * np.abs(samples[: 2 * n]), 0.003**2 * steps.duration_s])
     jacobian = derivative(end, samples)
     wanted = (jacobian * var[: len(samples)]) @ jacobian.T
-    assert wheel_increment(steps, np.zeros(3), NOISE).cov == pytest.approx(wanted, abs=1e-9)
+    assert wheel_increment(steps, np.zeros(4), NOISE).cov == pytest.approx(wanted, abs=1e-9)
 
 
 @given(

@@ -9,7 +9,7 @@ from robot.messages import VisualMotion
 from robot.slam.odometry import Interval, Odometry
 
 MS = 1_000_000
-NO_CALIBRATION = np.zeros(3)
+NO_CALIBRATION = np.zeros(4)
 
 
 def roll(

@@ -1,0 +1,262 @@
+"""EKF-SLAM over plain range-bearing sights: with names, or without any looks to tell them apart.
+
+The robot's own landmarks carry signatures and tracks; recordings of other robots do not. This uses
+the same filter, measurement model and joint tests for them, with odometry that learns the scales
+and the lag of ordered speeds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robot.slam.association import mahalanobis, quadratic
+from robot.slam.compatibility import PairTable, joint_compatibility
+from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
+from robot.slam.motion import compose
+from robot.slam.sensor import expected, locate, residual, sights_of
+from robot.slam.velocity import Velocities, VelocityNoise, velocity_increment
+
+CHI2_2_99 = 9.21  # 99 % of two degrees of freedom
+_ABSURD_CHI2 = 60.0  # a named sight so far off measures nothing
+_T_DOF = 4.0  # of Student's distribution, which weighs outliers down
+_WANDER_M = 0.02  # between two sights of a candidate the pose errs about so much
+
+
+@dataclass(frozen=True, slots=True)
+class SurveySettings:
+    """What is known of a base and its sensor from their kind; nothing is fitted to a recording."""
+
+    noise: VelocityNoise
+    range_m: float  # constant part of a range's sigma
+    inverse_range_per_m: float  # part that grows with the square of the range, as disparity's does
+    bearing_rad: float
+    curvature_sigma: float = 0.1  # rad/m
+    speed_scale_sigma: float = 0.1
+    turn_scale_sigma: float = 0.1
+    lag_sigma_s: float = 0.2
+    walk: tuple[float, float, float, float] = (0.002, 0.002, 0.002, 0.002)  # per sqrt(s)
+    confirmations: int = 3  # sights of an unknown thing before it is a landmark
+    confirm_within_s: float = 10.0
+    ghost_sights: int = 5  # a landmark seen less often ...
+    ghost_after_s: float = 20.0  # ... and not again for so long is dropped
+    correlated_s: float = 1.0  # errors of the same sight last about so long
+    new_beyond_chi2: float = 25.0  # a sight nearer than this to a landmark starts none
+    margin: float = 4.0  # a second choice must cost this much more
+    invariant: bool = True
+    start_sigma: tuple[float, float, float] = (0.1, 0.1, 0.05)  # the map's frame is no better known
+
+
+@dataclass(slots=True, eq=False)
+class Known:
+    """One landmark of the filter."""
+
+    name: int
+    sights: int
+    last_s: float
+    met: set[int] = field(default_factory=set)  # seen in the same frame: surely another thing
+
+
+@dataclass(slots=True, eq=False)
+class Candidate:
+    """Something seen that is not a landmark yet: sights from remembered poses."""
+
+    place: np.ndarray
+    cov: np.ndarray
+    name: int
+    count: int
+    last_s: float
+
+
+class Survey:
+    """Maps while moving. Pure: orders and frames in, poses out."""
+
+    def __init__(self, settings: SurveySettings, orders: np.ndarray, named: bool) -> None:
+        """`orders` (n, 3): t_s, v_mps, yaw_rate_radps; `named`: sights tell what they show."""
+        s = self._settings = settings
+        calibration = [s.curvature_sigma, s.speed_scale_sigma, s.turn_scale_sigma, s.lag_sigma_s]
+        sigma = np.array([*s.start_sigma, *calibration, *[1.0] * 3])
+        self.ekf = LandmarkFilter(sigma, s.invariant)
+        self._orders = Velocities(orders)
+        self._named = named
+        self.known: list[Known] = []
+        self._candidates: list[Candidate] = []
+        self.t_s: float | None = None
+        self._born = 0
+
+    def move(self, t_s: float) -> None:
+        """Predict up to `t_s`."""
+        if self.t_s is None or t_s <= self.t_s:
+            self.t_s = t_s if self.t_s is None else self.t_s
+            return
+        increment = velocity_increment(
+            self._orders, self.t_s, t_s, self.ekf.calibration, self._settings.noise
+        )
+        end, by_pose, by_increment = compose(self.ekf.x[POSE], increment.previous_from_current)
+        self.ekf.predict(
+            end,
+            by_pose,
+            by_increment @ increment.calibration_jacobian,
+            by_increment @ increment.cov @ by_increment.T,
+            np.array(self._settings.walk) ** 2 * (t_s - self.t_s),
+        )
+        self.t_s = t_s
+
+    def pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pose (3,) and covariance (3, 3) at the time moved to."""
+        return self.ekf.x[POSE].copy(), self.ekf.P[POSE, POSE].copy()
+
+    def see(self, polar: np.ndarray, names: np.ndarray | None = None) -> np.ndarray:
+        """Take in a frame of sights (m, 2); returns the landmark names (m,), -1 for none.
+
+        With `named`, the names are the given ones; otherwise each new landmark gets a number.
+        """
+        sights, cov = sights_of(polar, self._noise(polar))
+        table, near = self._table(sights, cov, names if self._named else None)
+        if self._named:
+            chosen = list(range(len(table.sight)))
+        else:
+            chosen = joint_compatibility(table, self._settings.margin)
+        matched = np.full(len(polar), -1)
+        for k in chosen:
+            matched[table.sight[k]] = self.known[int(table.landmark[k])].name
+        self._correct(sights, cov, table, chosen)
+        fresh = np.flatnonzero((matched < 0) & (near > self._settings.new_beyond_chi2))
+        self._grow(sights, cov, fresh, names, matched)
+        return matched
+
+    # ------------------------------------------------------------ pairing
+
+    def _noise(self, polar: np.ndarray) -> np.ndarray:
+        s = self._settings
+        noise = np.zeros((len(polar), 2, 2))
+        noise[:, 0, 0] = s.range_m**2 + (s.inverse_range_per_m * polar[:, 0] ** 2) ** 2
+        noise[:, 1, 1] = s.bearing_rad**2
+        return noise
+
+    def _table(
+        self, sights: np.ndarray, cov: np.ndarray, names: np.ndarray | None
+    ) -> tuple[PairTable, np.ndarray]:
+        """The pairs that are possible each for itself, and each sight's nearest distance (m,)."""
+        m, n = len(sights), self.ekf.count
+        near = np.full(m, np.inf)
+        if n == 0:
+            none = np.zeros(0, dtype=int)
+            empty = np.zeros((0, 0)), np.zeros((0, 2, 2))
+            return PairTable(none, none, np.zeros((0, 2)), *empty), near
+        distance = mahalanobis(self.ekf, sights, cov)
+        if names is None:
+            near = distance.min(axis=1)
+            possible = distance < CHI2_2_99
+        else:
+            known = np.array([landmark.name for landmark in self.known])
+            possible = names[:, None] == known[None]
+        sight, landmark = np.nonzero(possible)
+        if names is not None:
+            near[sight] = 0.0  # what has a name is never new
+            kept = distance[sight, landmark] < _ABSURD_CHI2
+            sight, landmark = sight[kept], landmark[kept]
+        columns, jacobian, predicted = self._linearise(landmark)
+        _, shared = self.ekf.innovation(columns, jacobian)
+        away = residual(sights[sight], predicted)
+        return PairTable(sight, landmark, away, shared, cov[sight]), near
+
+    def _linearise(self, landmark: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Columns (p, 5), Jacobians (p, 2, 5) and expected sights (p, 2)."""
+        predicted, by_pose, by_point = expected(self.ekf.x[POSE], self.ekf.landmarks()[landmark])
+        first = FIRST_LANDMARK + 2 * landmark[:, None]
+        columns = np.hstack([np.tile(np.arange(3), (len(landmark), 1)), first, first + 1])
+        return columns, np.concatenate([by_pose, by_point], axis=2), predicted
+
+    # ------------------------------------------------------------ correcting
+
+    def _correct(
+        self, sights: np.ndarray, cov: np.ndarray, table: PairTable, chosen: list[int]
+    ) -> None:
+        if not chosen:
+            return
+        assert self.t_s is not None
+        sight, landmark = table.sight[chosen], table.landmark[chosen]
+        columns, jacobian, predicted = self._linearise(landmark)
+        away = residual(sights[sight], predicted)
+        noise = cov[sight].copy()
+        since_s = self.t_s - np.array([self.known[int(j)].last_s for j in landmark])
+        noise *= (1.0 + 2.0 * self._settings.correlated_s / np.maximum(since_s, 0.02))[
+            :, None, None
+        ]
+        rows = (2 * np.array(chosen)[:, None] + np.arange(2)).reshape(-1)
+        shared = table.shared[np.ix_(rows, rows)].reshape(len(chosen), 2, len(chosen), 2)
+        each = np.arange(len(chosen))
+        chi2 = quadratic(away, shared[each, :, each] + noise)
+        noise /= ((_T_DOF + 2.0) / (_T_DOF + chi2)).clip(max=1.0)[:, None, None]
+        self.ekf.update(columns, jacobian, away, noise)
+        met = {self.known[int(j)].name for j in landmark}
+        for j in landmark.tolist():
+            self.known[j].sights += 1
+            self.known[j].last_s = self.t_s
+            self.known[j].met |= met
+
+    # ------------------------------------------------------------ growing and forgetting
+
+    def _grow(
+        self,
+        sights: np.ndarray,
+        cov: np.ndarray,
+        fresh: np.ndarray,
+        names: np.ndarray | None,
+        matched: np.ndarray,
+    ) -> None:
+        """Let new things wait until they were seen again in the same place, then append them."""
+        assert self.t_s is not None
+        oldest = self.t_s - self._settings.confirm_within_s
+        self._candidates = [c for c in self._candidates if c.last_s >= oldest]
+        if len(fresh):
+            places, by_pose, by_sight = locate(self.ekf.x[POSE], sights[fresh])
+            own = by_sight @ cov[fresh] @ by_sight.transpose(0, 2, 1)
+            ripe = []
+            for k in range(len(fresh)):
+                name = int(names[fresh[k]]) if self._named and names is not None else -1
+                if self._ripe(places[k], own[k], name):
+                    ripe.append(k)
+            if ripe:
+                self.ekf.add(places[ripe], by_pose[ripe], by_sight[ripe], cov[fresh[ripe]])
+            for k in ripe:
+                name = int(names[fresh[k]]) if self._named and names is not None else self._born
+                self._born += 1
+                self.known.append(Known(name, 1, self.t_s))
+                matched[fresh[k]] = name
+        self._forget()
+
+    def _ripe(self, place: np.ndarray, cov: np.ndarray, name: int) -> bool:
+        assert self.t_s is not None
+        for candidate in self._candidates:
+            away = place - candidate.place
+            spread = candidate.cov + cov
+            fits = float(away @ np.linalg.solve(spread, away)) < CHI2_2_99
+            if candidate.name != name or not fits or candidate.last_s == self.t_s:
+                continue
+            gain = candidate.cov @ np.linalg.inv(spread)
+            candidate.place = candidate.place + gain @ away
+            candidate.cov = candidate.cov - gain @ candidate.cov + _WANDER_M**2 * np.eye(2)
+            candidate.count += 1
+            candidate.last_s = self.t_s
+            if candidate.count >= self._settings.confirmations:
+                self._candidates.remove(candidate)
+                return True
+            return False
+        self._candidates.append(Candidate(place, cov, name, 1, self.t_s))
+        return self._settings.confirmations <= 1
+
+    def _forget(self) -> None:
+        """Drop what was seen a few times only and never again."""
+        assert self.t_s is not None
+        s = self._settings
+        kept = [
+            i
+            for i, landmark in enumerate(self.known)
+            if landmark.sights >= s.ghost_sights or self.t_s - landmark.last_s < s.ghost_after_s
+        ]
+        if len(kept) < len(self.known):
+            self.ekf.keep(np.array(kept, dtype=int))
+            self.known = [self.known[i] for i in kept]
