@@ -165,8 +165,8 @@ class PlanningConfig(Section):
     soft_clearance_m: Positive = 0.35  # routes prefer this much room around the centre
     min_patch_m2: Positive = 0.01  # uncovered specks smaller than this are left
     min_sliver_m: NotNegative = 0.05  # and strips thinner than this
-    worth_m2_per_m: NotNegative = 0.01  # floor that makes up for a metre of way to another area
-    horizon_m: NotNegative = 8.0  # paths end about there, the map will have grown; 0: never
+    worth_m2_per_m: NotNegative = 0.02  # floor that makes up for a metre of way to it
+    horizon_m: NotNegative = 8.0  # paths end about there while the map grows; 0: never
     min_unseen_m2: Positive = 0.03  # smallest unseen floor worth a look
     turn_cost_m: NotNegative = (
         0.25  # a turn on the spot by 90 degrees costs as much as driving this

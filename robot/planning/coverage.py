@@ -15,7 +15,7 @@ from robot.config import PlanningConfig, RobotConfig
 from robot.planning.areas import label_areas
 from robot.planning.costmap import Space, opened
 from robot.planning.edges import Chain, edge_chains, paint
-from robot.planning.frontier import look_route
+from robot.planning.frontier import look_route, unseen
 from robot.planning.lanes import Cell, lane_cells, lane_rules
 from robot.planning.path import Lattice
 from robot.planning.tour import tour
@@ -37,7 +37,9 @@ def plan_coverage(space: Space, planning: PlanningConfig, robot: RobotConfig) ->
     lattice = Lattice(space, planning.soft_clearance_m)
     areas = label_areas(space)
     pieces = work_pieces(space, todo, areas, planning, robot) if remaining_m2 > 0.0 else []
-    horizon = planning.horizon_m / space.cell_m if planning.horizon_m > 0.0 else np.inf
+    # While there is more to see the map will change: then the far end of a plan is of no use.
+    growing = planning.horizon_m > 0.0 and unseen(space, planning.min_unseen_m2)[1] > 1
+    horizon = planning.horizon_m / space.cell_m if growing else np.inf
     lines = tour(space, lattice, pieces, areas, planning, horizon)
     reason = f"sweep {remaining_m2:.1f} m2"
     at = lines[-1][-1] if lines else space.entry

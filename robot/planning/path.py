@@ -78,6 +78,18 @@ class Lattice:
                     heapq.heappush(heap, (total, other))
         return done, parent
 
+    def distances(self, sources: np.ndarray) -> np.ndarray:
+        """Costs (len(sources), nodes) of ways from some nodes to all; inf where there is none."""
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import dijkstra
+
+        count = np.array([len(edges) for edges in self._edges])
+        flat = np.array([edge for edges in self._edges for edge in edges]).reshape(-1, 2)
+        starts = np.concatenate([[0], np.cumsum(count)])
+        shape = (len(count), len(count))
+        graph = csr_array((flat[:, 1], flat[:, 0].astype(np.int32), starts), shape=shape)
+        return np.asarray(dijkstra(graph, indices=sources))
+
     def route(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
         """Waypoints (n, 2) in cells from `start` to `goal`, both included; None if cut off."""
         if self.clear(start, goal):

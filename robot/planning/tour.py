@@ -16,6 +16,7 @@ from robot.config import PlanningConfig
 from robot.planning.costmap import Space
 from robot.planning.edges import Chain
 from robot.planning.lanes import Cell
+from robot.planning.order import improved
 from robot.planning.path import Lattice
 
 _LANES_LATER_M = 0.4
@@ -82,45 +83,65 @@ class _Tour:
                     ways[w] = np.vstack([way[0] + leg * (abreast / far), way[1:]])
 
     def lines(self, horizon: float) -> list[np.ndarray]:
+        """Greedily up to the horizon; without one the whole tour, in a better order."""
+        order = self._greedy(horizon)
+        if math.isinf(horizon):
+            order = improved(self._lattice, self._ways, self._space.entry, order)
+        lines: list[np.ndarray] = []
+        at = self._space.entry
+        for piece, way in order:
+            entry = self._ways[piece][way][0]
+            approach = self._lattice.route(at, entry)
+            if approach is None:
+                continue
+            line = self._driven(approach, self._ways[piece][way], piece in self._cells)
+            line, horizon = _cut(line, horizon)
+            lines.append(line)
+            at = line[-1]
+        return lines
+
+    def _greedy(self, horizon: float) -> list[tuple[int, int]]:
+        """Pieces and their ways, always the cheapest next, for about `horizon` cells of way."""
         at, heading = self._space.entry, self._space.heading_rad
         area = int(self._areas[int(at[1]), int(at[0])])
         left = set(range(len(self._ways)))
-        lines: list[np.ndarray] = []
+        order: list[tuple[int, int]] = []
         while left and horizon > 0.0:
             # An area is finished before the next is begun.
             here = {i for i in left if self._pieces[i].area == area}
             found = self._next(at, heading, here) or self._next(at, heading, left, trip=True)
             if found is None:
                 break
-            piece, way, approach = found
+            piece, way = found
             area = self._pieces[piece].area
-            line = self._driven(approach, self._ways[piece][way], piece in self._cells)
-            line, horizon = _cut(line, horizon)
-            lines.append(line)
+            order.append(found)
             left.discard(piece)
+            line = self._ways[piece][way]
+            horizon -= math.hypot(*(line[0] - at)) + float(np.hypot(*np.diff(line, axis=0).T).sum())
             at = line[-1]
             if len(line) > 1:
                 heading = math.atan2(*(line[-1] - line[-2])[::-1])
-        return lines
+        return order
 
     def _next(
         self, at: np.ndarray, heading: float, left: set[int], trip: bool = False
-    ) -> tuple[int, int, np.ndarray] | None:
-        """The cheapest piece of `left`, its way, and the route to its entry; None: no way.
+    ) -> tuple[int, int] | None:
+        """The cheapest piece of `left` and its way; None: no way leads to any.
 
-        For a `trip` to another area the work there must be worth the way.
+        The work must be worth the way: for a `trip` all that is to be done in its area, otherwise
+        the piece alone.
         """
         if not left:
             return None
-        best: tuple[float, int, int, int] | None = None
-        reward = self._reward_of_areas(left) if trip else {}
+        best: tuple[float, int, int] | None = None
+        worth = self._worth(left, whole_areas=trip)
 
         def stop(node: int, cost: float) -> bool:
             nonlocal best
             if best is not None and cost > best[0] + self._slack:
                 return True
             for piece, way in self._entries.get(node, ()):
-                if piece not in left or cost > reward.get(self._pieces[piece].area, math.inf):
+                if piece not in left or cost > worth[piece]:
                     continue
                 line = self._ways[piece][way]
                 to_entry = line[0] - at
@@ -134,24 +155,22 @@ class _Tour:
                     )
                 total = max(cost, far) + self._turn * turn + self._later_of[piece]
                 if best is None or total < best[0] - 1e-9:
-                    best = (total, piece, way, node)
+                    best = (total, piece, way)
             return False
 
-        _, parent = self._lattice.search(self._lattice.node_at(at), stop)
-        if best is None:
-            return None
-        _, piece, way, node = best
-        entry = self._ways[piece][way][0]
-        if self._lattice.clear(at, entry):
-            return piece, way, np.array([at, entry])
-        return piece, way, self._lattice.pulled(at, self._lattice.trace(parent, node), entry)
+        self._lattice.search(self._lattice.node_at(at), stop)
+        return None if best is None else (best[1], best[2])
 
-    def _reward_of_areas(self, left: set[int]) -> dict[int, float]:
-        """How far, in cells, one may drive for the work that is left in each area."""
-        gain: dict[int, int] = {}
-        for i in left:
-            gain[self._pieces[i].area] = gain.get(self._pieces[i].area, 0) + self._pieces[i].gain
-        return {area: cells * self._reward for area, cells in gain.items()}
+    def _worth(self, left: set[int], *, whole_areas: bool) -> dict[int, float]:
+        """How far, in cells, one may drive for each of the pieces that are left."""
+        gain = {i: float(self._pieces[i].gain) for i in left}
+        if whole_areas:
+            of_area: dict[int, float] = {}
+            for i in left:
+                area = self._pieces[i].area
+                of_area[area] = of_area.get(area, 0.0) + gain[i]
+            gain = {i: of_area[self._pieces[i].area] for i in left}
+        return {i: cells * self._reward for i, cells in gain.items()}
 
     def _driven(self, approach: np.ndarray, way: np.ndarray, links: bool) -> np.ndarray:
         """Approach and way in one line; `links` between runs that are not clear go round."""

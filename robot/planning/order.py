@@ -1,0 +1,146 @@
+"""A better order of pieces of work: the shortest open tour through all of them, from the robot on.
+
+Each piece can be driven in some ways, each way from one end to another. Starting from any order,
+stretches of the tour are turned round (2-opt; Croes, Operations Research 1958) or moved elsewhere
+(Or-opt; Or, 1976) as long as that saves travel. Distances are those of the lattice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robot.planning.path import Lattice
+
+Visit = tuple[int, int]  # piece, way
+
+_MOVED = 4  # longest stretch that is moved
+_ROUNDS = 12
+_SAVING_CELLS = 0.5  # less is not worth another plan
+
+
+def improved(
+    lattice: Lattice, ways: Sequence[Sequence[np.ndarray]], start: np.ndarray, order: list[Visit]
+) -> list[Visit]:
+    """The same visits in a shorter order; `ways[piece][way]` is a polyline (n, 2) in cells."""
+    if len(order) < 3:
+        return order
+    return _Search(lattice, ways, start, order).run()
+
+
+class _Search:
+    """Visits are numbered by way: `tour` holds numbers of ways, and `_back` turns a way round."""
+
+    def __init__(
+        self,
+        lattice: Lattice,
+        ways: Sequence[Sequence[np.ndarray]],
+        start: np.ndarray,
+        order: list[Visit],
+    ) -> None:
+        self._visits = [(p, w) for p, _ in order for w in range(len(ways[p]))]
+        number = {visit: k for k, visit in enumerate(self._visits)}
+        self._back = [number[p, _reverse(ways[p], w)] for p, w in self._visits]
+        self._others: dict[int, list[int]] = {}
+        for p, w in self._visits:
+            self._others.setdefault(p, []).append(number[p, w])
+        lines = [ways[p][w] for p, w in self._visits]
+        first = np.array([line[0] for line in lines])
+        last = np.array([line[-1] for line in lines])
+        # Row 0 is the robot, row k + 1 the end of way k; columns are beginnings.
+        self._far = _distances(lattice, np.vstack([start[None], last]), first)
+        self.tour = [number[visit] for visit in order]
+
+    def run(self) -> list[Visit]:
+        for _ in range(_ROUNDS):
+            if not (self._move_stretches() or self._turn_stretches() or self._choose_ways()):
+                break
+        return [self._visits[k] for k in self.tour]
+
+    # ------------------------------------------------------------------ moves
+
+    def _step(self, before: int, after: int) -> float:
+        """Travel from the end of a way (-1: the robot) to the beginning of another (-1: none)."""
+        return 0.0 if after < 0 else self._far[before + 1][after]
+
+    def _at(self, i: int) -> int:
+        return self.tour[i] if 0 <= i < len(self.tour) else -1
+
+    def _turned(self, stretch: list[int]) -> list[int]:
+        return [self._back[k] for k in reversed(stretch)]
+
+    def _turn_stretches(self) -> bool:
+        """Turn tour[i:j] round wherever that is shorter. Travel inside stays what it was."""
+        better, n = False, len(self.tour)
+        for i in range(n):
+            for j in range(i + 1, n + 1):
+                before, first, last = self._at(i - 1), self.tour[i], self.tour[j - 1]
+                after = self._at(j)
+                now = self._step(before, first) + self._step(last, after)
+                new = self._step(before, self._back[last]) + self._step(self._back[first], after)
+                if new < now - _SAVING_CELLS:
+                    self.tour[i:j] = self._turned(self.tour[i:j])
+                    better = True
+        return better
+
+    def _move_stretches(self) -> bool:
+        better = False
+        for size in range(1, _MOVED + 1):
+            i = 0
+            while i + size <= len(self.tour):
+                better |= self._move(i, size)
+                i += 1
+        return better
+
+    def _move(self, i: int, size: int) -> bool:
+        """Take tour[i:i+size] out and put it where it costs least, turned round if that helps."""
+        stretch, rest = self.tour[i : i + size], self.tour[:i] + self.tour[i + size :]
+        before, after = self._at(i - 1), self._at(i + size)
+        saved = self._step(before, stretch[0]) + self._step(stretch[-1], after)
+        saved -= self._step(before, after)
+        best, place, put = saved - _SAVING_CELLS, -1, stretch
+        for candidate in (stretch, self._turned(stretch)):
+            for k in range(len(rest) + 1):
+                a = rest[k - 1] if k else -1
+                b = rest[k] if k < len(rest) else -1
+                cost = self._step(a, candidate[0]) + self._step(candidate[-1], b)
+                cost -= self._step(a, b)
+                if cost < best and not (k == i and candidate is stretch):
+                    best, place, put = cost, k, candidate
+        if place < 0:
+            return False
+        self.tour = rest[:place] + put + rest[place:]
+        return True
+
+    def _choose_ways(self) -> bool:
+        better = False
+        for i, k in enumerate(self.tour):
+            before, after = self._at(i - 1), self._at(i + 1)
+            ways = self._others[self._visits[k][0]]
+            best = min(ways, key=lambda w: (self._step(before, w) + self._step(w, after), w))
+            now = self._step(before, k) + self._step(k, after)
+            if self._step(before, best) + self._step(best, after) < now - _SAVING_CELLS:
+                self.tour[i] = best
+                better = True
+        return better
+
+
+def _reverse(ways: Sequence[np.ndarray], w: int) -> int:
+    """The way of the same piece that ends where way `w` begins, and begins where it ends."""
+    return min(
+        range(len(ways)),
+        key=lambda k: (
+            float(np.abs(ways[k][0] - ways[w][-1]).sum() + np.abs(ways[k][-1] - ways[w][0]).sum()),
+            k == w,
+        ),
+    )
+
+
+def _distances(lattice: Lattice, ends: np.ndarray, begins: np.ndarray) -> list[list[float]]:
+    """Travel (len(ends), len(begins)) in cells, along the lattice but for straight short ways."""
+    straight = np.hypot(*(ends[:, None] - begins[None]).transpose(2, 0, 1))
+    sources, row = np.unique([lattice.node_at(p) for p in ends], return_inverse=True)
+    targets = np.array([lattice.node_at(p) for p in begins])
+    along = lattice.distances(sources)[:, targets][row]
+    return np.maximum(along, straight).tolist()
