@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -39,7 +40,7 @@ def ask(cells, start, kind="coverage", goal=None, covered=None) -> Planned:
 def along(points_m: np.ndarray) -> np.ndarray:
     """A polyline (n, 2) in steps of at most a centimetre."""
     legs = []
-    for a, b in zip(points_m[:-1], points_m[1:], strict=True):
+    for a, b in pairwise(points_m):
         count = max(2, math.ceil(math.hypot(*(b - a)) / 0.01))
         legs.append(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
     return np.vstack(legs)
