@@ -12,7 +12,7 @@ SEED ?= 1
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: run demo fuzz test test-long lint types firmware messages bench train a53 clean
+.PHONY: run demo fuzz test test-long lint types firmware firmware-trials messages bench train a53 clean
 
 run: $(VENV)/.sim
 	$(BIN)/sweeper run --body sim --scene $(SCENE) --seed $(SEED)
@@ -38,6 +38,11 @@ types: $(VENV)/.dev
 
 firmware:
 	$(MAKE) -C firmware_bridge/firmware host
+
+# Every trial of the motor controller at its full length (hours), and an hour of fuzzing.
+firmware-trials: $(VENV)/.dev
+	$(BIN)/python -m pytest tests/firmware -m long -s
+	$(MAKE) -C firmware_bridge/firmware fuzz FUZZ_SECONDS=3600
 
 messages: $(VENV)/.dev
 	$(BIN)/python -m firmware_bridge.messages

@@ -195,14 +195,17 @@ def control_jitter_us(board: Emulated, folder: Path, seconds: float) -> list[flo
 def test_the_control_loop_keeps_its_period(emulated_board: Emulated, tmp_path: Path) -> None:
     jitter_us = control_jitter_us(emulated_board, tmp_path, 2.0)
     assert len(jitter_us) > 190
+    print(f"{len(jitter_us)} periods: off by at most {jitter_us[-1]:.0f} us")
     assert jitter_us[-1] <= 1000.0
 
 
 @pytest.mark.long
+@pytest.mark.timeout(3600)
 def test_control_jitter_p99_9(emulated_board: Emulated, tmp_path: Path) -> None:
     jitter_us = control_jitter_us(emulated_board, tmp_path, 60.0)
-    print(f"control jitter: p99.9 {jitter_us[-len(jitter_us) // 1000]:.0f} us")
-    assert jitter_us[int(len(jitter_us) * 0.999)] <= 1000.0
+    p99_9 = jitter_us[int(len(jitter_us) * 0.999)]
+    print(f"{len(jitter_us)} periods: p99.9 {p99_9:.0f} us")
+    assert p99_9 <= 1000.0
 
 
 def round_trips_ms(rig: Rig, count: int, seed: int) -> list[float]:
@@ -234,7 +237,10 @@ def round_trips_ms(rig: Rig, count: int, seed: int) -> list[float]:
     return sorted(waits)
 
 
-@pytest.mark.parametrize("count", [300, pytest.param(5000, marks=pytest.mark.long)])
+FULL = pytest.param(5000, marks=[pytest.mark.long, pytest.mark.timeout(3600)])
+
+
+@pytest.mark.parametrize("count", [300, FULL])
 def test_round_trip_by_the_controllers_clock(emulated_board: Emulated, count: int) -> None:
     with emulated_rig(emulated_board) as rig:
         waits = round_trips_ms(rig, count, seed=1)

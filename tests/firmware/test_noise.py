@@ -33,7 +33,9 @@ def test_twenty_percent_stops_and_recovers(firmware_binary: Path, total: int) ->
     assert set(report) - {"bytes", "stopped rounds", "worst recovery ms"} <= CLEAN, report
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "count", [20, pytest.param(1000, marks=[pytest.mark.long, pytest.mark.timeout(3600)])]
+)
 def test_bursts(firmware_binary: Path, count: int) -> None:
     report = noise_trials.bursts(firmware_binary, count)
     assert report["worst recovery ms"] <= 1000

@@ -95,7 +95,9 @@ class UsbCable(Cable):
         return taken
 
 
-@pytest.mark.parametrize("times", [10, pytest.param(100, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "times", [10, pytest.param(100, marks=[pytest.mark.long, pytest.mark.timeout(3600)])]
+)
 def test_found_again_under_another_name(
     firmware_binary: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int
 ) -> None:
