@@ -68,6 +68,8 @@ class Runs:
         if 0 < sizes.get("summary.json", 0) <= MAX_SUMMARY_BYTES:
             with contextlib.suppress(OSError, ValueError, RecursionError):
                 read = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+                # Whatever else wrote it: NaN and half characters cannot be handed on.
+                json.dumps(read, allow_nan=False, ensure_ascii=False).encode()
                 summary = _brief(read) if isinstance(read, dict) else None
         return {"id": run, "files": sizes, "summary": summary}
 

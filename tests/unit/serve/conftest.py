@@ -1,0 +1,34 @@
+"""One served stand-in for a module's tests: a server for each would take most of the time."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from serving import served, wait_for
+from standin import StandIn
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    """(server, stand-in robot, folder), with one past run in the history."""
+    folder = tmp_path_factory.mktemp("serve")
+    run = folder / "runs" / "20260102-030405-clean"
+    run.mkdir(parents=True)
+    (run / "summary.json").write_text(json.dumps({"state": "done", "covered_m2": 12.5}))
+    (run / "map.png").write_bytes(b"\x89PNG\r\n\x1a\n not really")
+    (run / "log.mcap").write_bytes(bytes(range(256)) * 1000)
+    (run / "secret.txt").write_text("SECRET")
+    (folder / "secret.txt").write_text("SECRET")
+    (run / "trajectory.tum").symlink_to(folder / "secret.txt")
+    robot = StandIn(folder / "control.sock")
+    with served(folder, folder / "control.sock") as server:
+        wait_for(lambda: server.json("/api/v1/status")[1]["connected"])
+        wait_for(lambda: server.ask("/api/v1/map.png")[0] == 200)
+        wait_for(lambda: server.ask("/api/v1/landmarks")[0] == 200)
+        server.app._rules.requests._rate = server.app._rules.requests._burst = 1e9
+        yield server, robot, folder
+    robot.close()
