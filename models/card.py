@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from models import manifest
+from models.networks import module_of
 
 HERE = Path(__file__).resolve().parent
 FAMILIES = ("indoor", "kitti2015", "all")
@@ -23,7 +24,7 @@ TEXT = """# {name}
 Input: `left`, `right`, float32 (1, 1, {height_px}, {width_px}), {preprocessing}, a rectified pair.
 Output: `disparity` float32 (1, 1, {height_px}, {width_px}), px at input size, dense, 0 to about
 {max_disparity_px}; `confidence`, the same shape, 0 to 1: the network's own guess that it is right
-to 2 px. Layer by layer: the head of `models/networks/{name}.py`.
+to 2 px. Layer by layer: the head of `{definition}`.
 
 | | | from |
 |---|---|---|
@@ -127,7 +128,7 @@ def card(name: str, bench: dict[str, Any], training: Path, models: Path = HERE) 
     entry = next(
         n for n in manifest.read(models / "manifest.toml")["networks"] if n["name"] == name
     )
-    module = importlib.import_module(f"models.networks.{name}")
+    module = importlib.import_module(module_of(name))
     a53 = entry.get("a53_minstr")
     data = entry["training_data"]
     return TEXT.format(
@@ -135,10 +136,11 @@ def card(name: str, bench: dict[str, Any], training: Path, models: Path = HERE) 
         what=_first_line(module.__doc__ or ""),
         sha=entry["sha256"][:16],
         a53="not measured" if a53 is None else f"{a53} M per pair",
+        definition=module_of(name).replace(".", "/") + ".py",
         steps=f"{entry['training_steps']} steps in {entry['training_minutes']} minutes "
         "on shared CPU cores",
         minutes=round(entry["training_minutes"]),
-        extra=", cross-entropy of the shift scores" if name == "hybrid" else "",
+        extra=", cross-entropy of the shift scores" if name != "hybrid_paper" else "",
         validation=_validation(training),
         pairs=len({(r["family"], r["pair"]) for r in bench["rows"] if r["pair"]}),
         table=_table(bench),

@@ -88,7 +88,7 @@ class RoomRenderer:
         for _ in range(VIEWS if indoors else 2):
             if indoors:
                 place = rng.uniform(-0.85, 0.85, 2) * (long, wide)
-                made = self._from_floor(rng, renderer, place)
+                made = self._from_floor(rng, renderer, place, rng.random() < 0.5)
             else:
                 origin = rng.normal(0, 0.05, 3)
                 pose = look(origin, rng.normal(0, 0.15), rng.normal(0, 0.1), rng.normal(0, 0.1))
@@ -97,10 +97,18 @@ class RoomRenderer:
                 found.append(made)
         return found
 
+    def robot_pairs(self, rng: np.random.Generator) -> list[Pair]:
+        """Up to four clean pairs of one new room through the robot's own eyes."""
+        solids = Solids(rng, self.count)
+        half = furnish(rng, solids)
+        renderer = Renderer(solids.lit_mesh(), self.atlas, WIDTH, HEIGHT)
+        places = [rng.uniform(-0.85, 0.85, 2) * half for _ in range(VIEWS)]
+        made = [self._from_floor(rng, renderer, place, True) for place in places]
+        return [pair for pair in made if pair is not None]
+
     def _from_floor(
-        self, rng: np.random.Generator, renderer: Renderer, place: np.ndarray
+        self, rng: np.random.Generator, renderer: Renderer, place: np.ndarray, robot: bool
     ) -> Pair | None:
-        robot = rng.random() < 0.5
         low = rng.uniform(0.05, 0.2) if rng.random() < 0.6 else rng.uniform(0.2, 1.6)
         height = ROBOT_HEIGHT_M if robot else low
         yaw = np.arctan2(-place[1], -place[0]) + rng.normal(0, 1.0)

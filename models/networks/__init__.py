@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from torch import nn
 
 from models.networks.blocks import Estimate, Exported, fold_norms
+from models.networks.cost_volume import CostVolume
 from models.networks.hybrid import Hybrid
 from models.networks.hybrid_paper import HybridPaper
+from models.networks.hybrid_surfaces import HybridSurfaces
+from models.networks.similarity import Similarity
 
-NETWORKS: dict[str, type[nn.Module]] = {"hybrid": Hybrid, "hybrid_paper": HybridPaper}
+NETWORKS: dict[str, Callable[[], nn.Module]] = {
+    "hybrid": Hybrid,
+    # For a Pi 4 or 5: every width about doubled.
+    "hybrid_m": partial(Hybrid, features=32, half=16, wide=96),
+    # Points of the curve of width against accuracy.
+    "hybrid_s": partial(Hybrid, wide=32),
+    "hybrid_paper": HybridPaper,
+    "hybrid_surfaces": HybridSurfaces,
+    "similarity": Similarity,
+    "cost_volume": CostVolume,
+}
 
-__all__ = ["NETWORKS", "Estimate", "Exported", "Hybrid", "HybridPaper", "build", "fold_norms"]
+__all__ = ["NETWORKS", "Estimate", "Exported", "build", "fold_norms", "module_of"]
 
 
 def build(name: str) -> nn.Module:
     """A fresh network in training mode; KeyError names an unknown one."""
     return NETWORKS[name]()
+
+
+def module_of(name: str) -> str:
+    """The module that defines a network: other widths of `hybrid` share its file."""
+    return "models.networks." + name.removesuffix("_m").removesuffix("_s")

@@ -16,14 +16,17 @@ MAX_DISPARITY = 64
 class Estimate(NamedTuple):
     """What a network says. Disparities are (b, 1, h, w) px at input size, >= 0.
 
-    `coarse` holds earlier guesses, upsampled, for the loss only. `logits` (b, 16, h/4, w/4) are
-    scores of disparities 0, 4, 8 ... 60 px or None. `confidence` is a logit, (b, 1, h, w).
+    `confidence` is a logit, (b, 1, h, w). The rest is for the loss only: `coarse` holds earlier
+    guesses, upsampled; `logits` (b, n, h/k, w/k) scores of n shifts, 64 / n px apart; `surfaces`
+    (b, 2, h/4, w/4) the near and the far disparity of each cell in px, and then `logits` has n
+    scores for either of them.
     """
 
     disparity: Tensor
     confidence: Tensor
-    coarse: tuple[Tensor, ...]
-    logits: Tensor | None
+    coarse: tuple[Tensor, ...] = ()
+    surfaces: Tensor | None = None
+    logits: Tensor | None = None
 
 
 class ConvNorm(nn.Module):

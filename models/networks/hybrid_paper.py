@@ -108,4 +108,4 @@ class HybridPaper(nn.Module):
         x = self.context(self.merge(matched))
         base = 4 * F.softplus(self.regress(x).float())
         disparity, confidence = self.head(x, base)
-        return Estimate(disparity, confidence, (enlarge(base, 4) * 4,), None)
+        return Estimate(disparity, confidence, (enlarge(base, 4) * 4,))

@@ -140,6 +140,15 @@ def _kitti_pairs(training: Path, bring: Bring) -> Iterator[TruePair]:
         return
 
 
+def each_pair(folder: Path, bring: Bring = to_protocol) -> Iterator[TruePair]:
+    """Every pair under `folder`, one after the other, in a stable order."""
+    for path in sorted(folder.rglob("im0.png")):
+        if (path.parent / "disp0.pfm").exists() or (path.parent / "disp0GT.pfm").exists():
+            yield _folder_pair(path.parent, bring)
+    for training in sorted(p for p in [folder, *folder.rglob("*")] if p.is_dir()):
+        yield from _kitti_pairs(training, bring)
+
+
 def find_pairs(folder: Path, bring: Bring = to_protocol) -> list[TruePair]:
     """Every pair under `folder`, in a stable order, at 320x240 or as `bring` makes it.
 
@@ -147,13 +156,7 @@ def find_pairs(folder: Path, bring: Bring = to_protocol) -> list[TruePair]:
     """
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder; give --pairs a folder of stereo pairs.")
-    found = [
-        _folder_pair(path.parent, bring)
-        for path in sorted(folder.rglob("im0.png"))
-        if (path.parent / "disp0.pfm").exists() or (path.parent / "disp0GT.pfm").exists()
-    ]
-    for training in sorted(p for p in [folder, *folder.rglob("*")] if p.is_dir()):
-        found += _kitti_pairs(training, bring)
+    found = list(each_pair(folder, bring))
     if not found:
         raise DataError(
             f"{folder} holds no stereo pair with truth; use Middlebury, ETH3D or KITTI layout."

@@ -15,7 +15,7 @@ from models.export import export, load_network, multiplications, parity_px, trai
 from models.networks import build  # noqa: E402
 
 
-@pytest.fixture(scope="module", params=["hybrid", "hybrid_paper"])
+@pytest.fixture(scope="module", params=["hybrid", "hybrid_paper", "similarity", "cost_volume"])
 def exported(request, tmp_path_factory):
     torch.manual_seed(1)
     folder = tmp_path_factory.mktemp(request.param)
@@ -40,7 +40,8 @@ def test_parity_contract_and_lean_graph(exported):
     assert model.opset_import[0].version == 17
     assert {o.domain for o in model.opset_import} == {""}
     kinds = {n.op_type for n in model.graph.node}
-    assert not kinds & {"BatchNormalization", "Constant", "Identity", "Softmax", "Loop", "If"}
+    assert not kinds & {"BatchNormalization", "Constant", "Identity", "Loop", "If", "GridSample"}
+    assert name == "cost_volume" or "Softmax" not in kinds
     properties = {p.key: p.value for p in model.metadata_props}
     assert properties["size"] == "320x240"
     assert properties["preprocessing"] == "(grey - 128) / 64"
@@ -63,6 +64,17 @@ def test_multiplications_are_those_of_the_layers(exported):
     helpers = 0.01 * count  # the two sums of the soft-argmin are convolutions in the graph
     # The towers see both eyes at once, in either count.
     assert multiplications(onnx.load(path)) == pytest.approx(count, abs=helpers)
+
+
+def test_another_size_of_the_same_weights(exported, tmp_path):
+    name, folder, _ = exported
+    if name != "hybrid":
+        pytest.skip("one network is enough")
+    path = export(name, folder / "best.pt", trained(folder), tmp_path / "artifacts", (160, 120))
+    assert path.name == "hybrid-160x120.onnx"
+    (entry,) = manifest.read(tmp_path / "manifest.toml")["networks"]
+    assert (entry["name"], entry["width_px"], entry["height_px"]) == ("hybrid-160x120", 160, 120)
+    assert entry["parity_px"] < 0.02
 
 
 def test_manifest_entry_and_card(exported):

@@ -6,6 +6,7 @@ torch = pytest.importorskip("torch")
 from torch.nn import functional as F  # noqa: E402
 
 from models.networks import NETWORKS, Exported, build, fold_norms  # noqa: E402
+from models.networks import hybrid_surfaces as surfaces  # noqa: E402
 from models.networks.hybrid import (  # noqa: E402
     BandConv3d,
     correlation,
@@ -35,7 +36,7 @@ def test_outputs_have_the_size_of_the_input(name):
         disparity, confidence = Exported(network)(eye, eye)
     assert estimate.disparity.shape == estimate.confidence.shape == (1, 1, 48, 64)
     assert all(c.shape == (1, 1, 48, 64) for c in estimate.coarse)
-    assert (disparity >= 0).all()
+    assert not (disparity < 0).any()  # a gap is NaN
     assert ((confidence >= 0) & (confidence <= 1)).all()
 
 
@@ -45,9 +46,10 @@ def test_folding_does_not_change_the_result(name):
     eyes = torch.randn(2, 2, 1, 48, 64)
     network(eyes[0], eyes[1])  # moves the running statistics away from their start
     network.eval()
+    part = "logits" if name == "similarity" else "disparity"  # the best of 32 jumps
     with torch.no_grad():
-        before = network(eyes[0], eyes[1]).disparity
-        after = fold_norms(network)(eyes[0], eyes[1]).disparity
+        before = getattr(network(eyes[0], eyes[1]), part)
+        after = getattr(fold_norms(network)(eyes[0], eyes[1]), part)
     torch.testing.assert_close(before, after, atol=2e-3, rtol=1e-3)
     assert not any(isinstance(m, torch.nn.BatchNorm2d) for m in network.modules())
 
@@ -57,7 +59,9 @@ def test_every_weight_learns(name):
     network = build(name)
     estimate = network(torch.randn(2, 1, 48, 64), torch.randn(2, 1, 48, 64))
     total = estimate.disparity.sum() + estimate.confidence.sum()
-    (total + sum(c.sum() for c in estimate.coarse)).backward()
+    for earlier in (*estimate.coarse, estimate.surfaces, estimate.logits):
+        total = total + (0 if earlier is None else earlier.sum())
+    total.backward()
     idle = [n for n, p in network.named_parameters() if p.grad is None]
     assert idle == []
 
@@ -113,14 +117,17 @@ def test_band_convolution_is_a_3d_convolution_of_depth_stride_two():
     torch.testing.assert_close(got, expected, atol=1e-5, rtol=1e-5)
 
 
-def test_correlation_compares_with_the_right_image_further_left():
-    left, right = torch.randn(1, 4, 3, 20), torch.randn(1, 4, 3, 20)
+@pytest.mark.parametrize("width", [20, 64, 80])
+def test_correlation_compares_with_the_right_image_further_left(width):
+    left, right = torch.randn(2, 4, 3, width), torch.randn(2, 4, 3, width)
     volume = correlation(left, right, 6, 2)
-    assert volume.shape == (1, 2, 6, 3, 20)
-    for shift in range(6):
-        expected = (left[0, 2:, 1, 15] * right[0, 2:, 1, 15 - shift]).mean()
-        torch.testing.assert_close(volume[0, 1, shift, 1, 15], expected)
-    assert (volume[0, :, 5, :, :5] == 0).all()  # outside the right image
+    assert volume.shape == (2, 2, 6, 3, width)
+    for x in (0, 3, 15, 16, width - 1):
+        for shift in range(6):
+            expected = torch.tensor(0.0)  # outside the right image
+            if x >= shift:
+                expected = (left[1, 2:, 1, x] * right[1, 2:, 1, x - shift]).mean()
+            torch.testing.assert_close(volume[1, 1, shift, 1, x], expected)
 
 
 def test_soft_argmin_is_the_expected_index():
@@ -129,16 +136,85 @@ def test_soft_argmin_is_the_expected_index():
     torch.testing.assert_close(soft_argmin(logits), expected)
 
 
+def test_warping_is_bilinear_sampling_held_at_the_border():
+    features = torch.randn(2, 4, 5, 40)
+    disparity = 45 * torch.rand(2, 1, 5, 40) - 5
+    x = torch.arange(40.0) - disparity[:, 0]
+    y = torch.arange(5.0).view(1, 5, 1).expand(2, 5, 40)
+    grid = torch.stack([2 * x / 39 - 1, 2 * y / 4 - 1], 3)
+    expected = F.grid_sample(features, grid, padding_mode="border", align_corners=True)
+    torch.testing.assert_close(warp(features, disparity), expected, atol=1e-4, rtol=1e-4)
+
+
 def test_warping_by_the_true_disparity_undoes_the_shift():
     right = torch.randn(1, 4, 5, 40)
     left = torch.roll(right, 7, 3)
     warped = warp(right, torch.full((1, 1, 5, 40), 7.0))
-    torch.testing.assert_close(warped[..., 7:], left[..., 7:], atol=1e-4, rtol=1e-4)
-    least = differences(left, warped)[..., 10:-2].argmin(1)
-    assert (least == 2).all()  # the middle of the five fine shifts
+    torch.testing.assert_close(warped[..., 7:], left[..., 7:])
+    off = differences(left, warped)[..., 10:-2]
+    assert off.shape == (1, 5, 5, 28)
+    assert (off.argmin(1) == 2).all()  # the middle of the five fine shifts
+    expected = (left[..., 10:-2] - warped[..., 11:-1]).abs().sum(1)
+    torch.testing.assert_close(off[:, 3], expected)
 
 
-def test_half_a_pixel_is_interpolated():
-    ramp = torch.arange(20.0).view(1, 1, 1, 20).expand(1, 1, 4, 20)
-    warped = warp(ramp, torch.full((1, 1, 4, 20), 2.5))
-    torch.testing.assert_close(warped[0, 0, 1, 5:], ramp[0, 0, 1, 5:] - 2.5)
+def test_band_convolution_of_surfaces_is_a_3d_convolution_of_depth_stride_two():
+    layer = surfaces.BandConv3d(4)
+    torch.nn.init.normal_(layer.bias)
+    volume = torch.randn(3, 16, 6, 7)
+    expected = F.conv3d(volume[:, None], layer.weight, layer.bias, (2, 1, 1), 1).relu()
+    got = layer(volume).view(3, 8, 4, 6, 7).transpose(1, 2)
+    torch.testing.assert_close(got, expected, atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("width", [40, 64, 80])
+def test_correlation_of_surfaces_compares_with_the_right_image_further_left(width):
+    left, right = torch.randn(2, 4, 3, width), torch.randn(2, 4, 3, 2 * width)
+    volume = surfaces.correlation(left, right)
+    assert volume.shape == (2, surfaces.SHIFTS, 3, width)
+    for x in (0, 7, width - 1):
+        for shift in (0, 1, 9, 31):
+            seen = 2 * x - shift
+            expected = (left[1, :, 2, x] * right[1, :, 2, seen]).mean() if seen >= 0 else 0.0
+            torch.testing.assert_close(volume[1, 31 - shift, 2, x], torch.as_tensor(expected))
+
+
+def test_a_dense_tower_agrees_with_the_other_at_even_columns():
+    tower = surfaces.Tower(8, 16).eval()
+    x = torch.randn(1, 8, 12, 24)
+    for sparse, dense in zip(tower(x, dense=False), tower(x, dense=True), strict=True):
+        assert dense.shape == (1, 16, 6, 24)
+        torch.testing.assert_close(sparse, dense[..., ::2], atol=1e-5, rtol=1e-5)
+
+
+def test_soft_argmins_are_expected_disparities_of_both_sets():
+    logits = torch.randn(2, 2 * surfaces.SHIFTS, 3, 4)
+    cells = (torch.arange(surfaces.SHIFTS) / 2.0).view(1, surfaces.SHIFTS, 1, 1)
+    for i, scores in enumerate(logits.chunk(2, 1)):
+        expected = (scores.softmax(1) * cells).sum(1)
+        torch.testing.assert_close(
+            surfaces.soft_argmins(logits)[:, i], expected, atol=1e-4, rtol=1e-4
+        )
+
+
+def test_looking_up_at_the_true_disparity_finds_the_same_thing():
+    right = torch.randn(2, 4, 5, 40)
+    left = torch.roll(right, 7, 3)
+    found, rest = surfaces.look_up(right, torch.full((2, 1, 5, 40), 7.3))
+    torch.testing.assert_close(found.permute(0, 3, 1, 2)[..., 7:], left[..., 7:])
+    torch.testing.assert_close(rest, torch.full((2, 1, 5, 40), 0.3))
+    assert (found[:, :, :7] == found[:, :, :1]).all()  # held at the border
+
+
+def test_evidence_begins_as_zero_difference_at_the_right_surface_and_not_at_the_wrong_one():
+    evidence = surfaces.Evidence(8)
+    right = torch.randn(1, 8, 8, 40)
+    left = torch.roll(right, 6, 3)
+    torch.nn.init.ones_(evidence.weigh.weight[:, 4:8])
+    torch.nn.init.zeros_(evidence.weigh.weight[:, :4])
+    torch.nn.init.zeros_(evidence.weigh.weight[:, 8:])
+    torch.nn.init.zeros_(evidence.weigh.bias)
+    both = torch.tensor([3.0, 5.0]).view(1, 2, 1, 1).expand(1, 2, 4, 20)
+    seen = evidence(left, right, both)[..., 8:-2]
+    assert seen[:, 0].abs().max() < 1e-5
+    assert seen[:, 4].mean() > 0.5

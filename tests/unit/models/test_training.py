@@ -13,7 +13,7 @@ from models.data.shards import (  # noqa: E402
     make_shard,
     write_shard,
 )
-from models.loss import known, shift_loss, stereo_loss  # noqa: E402
+from models.loss import known, shift_loss, stereo_loss, true_surfaces  # noqa: E402
 from models.networks.blocks import Estimate  # noqa: E402
 from models.train import Order, Trainer  # noqa: E402
 
@@ -43,7 +43,7 @@ def test_a_perfect_estimate_costs_less_and_ignored_pixels_cost_nothing():
     exact = torch.nan_to_num(truth, 50.0)
 
     def cost(disparity):
-        return stereo_loss(Estimate(disparity, sure, (disparity,), None), truth).item()
+        return stereo_loss(Estimate(disparity, sure, (disparity,)), truth).item()
 
     assert cost(exact) < 0.01
     wild = exact.clone()
@@ -52,12 +52,26 @@ def test_a_perfect_estimate_costs_less_and_ignored_pixels_cost_nothing():
     assert cost(exact + 3) > 3
 
 
+def test_surfaces_are_the_extremes_in_and_around_a_cell():
+    truth = torch.full((1, 1, 8, 12), float("nan"))
+    truth[..., :4] = 5.0
+    truth[..., 1, 4] = 20.0  # one column beyond the first cell
+    near_far, valid = true_surfaces(truth)
+    assert near_far.shape == (1, 2, 2, 3)
+    assert near_far[0, :, 0, 0].tolist() == [20.0, 5.0]
+    assert near_far[0, :, 1, 0].tolist() == [5.0, 5.0]
+    assert valid[0, 0].tolist() == [[True, True, False], [True, True, False]]
+
+
 def test_shift_loss_is_least_at_the_two_shifts_around_the_truth():
-    truth = torch.full((1, 1, 4, 4), 10.0)  # 2.5 shifts of 4 px
+    target = torch.full((1, 1, 1, 1), 10.0)  # 2.5 shifts of 4 px
     logits = torch.full((1, 16, 1, 1), -20.0)
     logits[0, 2:4] = 0.0
-    assert shift_loss(logits, truth).item() == pytest.approx(math.log(2), abs=1e-4)
-    assert shift_loss(torch.zeros(1, 16, 1, 1), truth).item() == pytest.approx(math.log(16))
+    valid = torch.ones_like(target, dtype=torch.bool)
+    assert shift_loss(logits, target, valid).item() == pytest.approx(math.log(2), abs=1e-4)
+    even = shift_loss(torch.zeros(1, 16, 1, 1), target, valid)
+    assert even.item() == pytest.approx(math.log(16))
+    assert shift_loss(logits, target, ~valid).item() == 0
 
 
 def test_disparity_codes_keep_a_256th_of_a_pixel_and_the_unknown():
@@ -97,8 +111,9 @@ def test_training_lowers_the_loss_saves_and_resumes(folder):
     assert {"shapes_epe_px", "shapes_bad1_pct", "shapes_bad3_pct"} <= set(measured)
     resumed = Trainer(order)
     assert resumed.step == 16 and resumed.best == trainer.best
-    for old, new in zip(trainer.network.parameters(), resumed.network.parameters(), strict=True):
-        assert torch.equal(old, new)
+    for part in ("network", "average"):
+        old, new = (getattr(t, part).state_dict() for t in (trainer, resumed))
+        assert all(torch.equal(old[k], new[k]) for k in old)
     assert (folder / "out" / "hybrid" / "best.pt").exists()
 
 
