@@ -192,7 +192,7 @@ function card({ id, files, summary }) {
   if ("map.png" in files) thumb.append(make("img", { src: `${API}/runs/${id}/map.png`, alt: "", loading: "lazy" }));
   else thumb.disabled = true;
   return make("li", { class: "run" }, thumb, make("div", {},
-    make("h3", {}, words), make("p", {}, figures.join(" · ") || (summary ? "" : "Still going on, or it was cut off.")),
+    make("h2", {}, words), make("p", {}, figures.join(" · ") || (summary ? "" : "Still going on, or it was cut off.")),
     make("p", {}, s.state ? sentence(s.reason || s.state) : ""), make("nav", { "aria-label": `Files of ${words}` }, ...links.map(([file, label]) => link(file, label)))));
 }
 

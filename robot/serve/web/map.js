@@ -70,11 +70,11 @@ export class MapView {
 
   fit() {
     const box = this.bounds();
-    const top = 56, margin = 20;
+    const top = 56, margin = 20, right = 48; // the bars lie over the canvas
     this.scale = Math.min(
-      (this.width - 2 * margin) / (box.x1 - box.x0),
+      (this.width - 2 * margin - right) / (box.x1 - box.x0),
       (this.height - top - margin) / (box.y1 - box.y0), 220);
-    this.centre = { x: (box.x0 + box.x1) / 2, y: (box.y0 + box.y1) / 2 + (top - margin) / 2 / this.scale };
+    this.centre = { x: (box.x0 + box.x1) / 2 + right / 2 / this.scale, y: (box.y0 + box.y1) / 2 + (top - margin) / 2 / this.scale };
     this.following = true;
     this.ask();
   }
@@ -287,6 +287,10 @@ export class MapView {
     p.fillStyle = this.colour.robot;
     p.fill();
     p.restore();
+    this.ellipse(shown.x, shown.y, xx, xy, yy, 2 / this.scale);
+    p.strokeStyle = this.colour.landmark;
+    p.lineWidth = 1.2 / this.scale;
+    p.stroke();
     // How well the heading is known: a fan of two sigmas.
     const spread = Math.min(Math.PI, SIGMAS * Math.sqrt(Math.max(0, pose.cov[3])));
     if (spread > 0.02) {

@@ -1,0 +1,229 @@
+"""MQTT against a real Mosquitto: discovery, commands, availability, nothing from the past."""
+
+import contextlib
+import json
+import shutil
+import subprocess
+import time
+
+import pytest
+from serving import free_port, served, wait_for
+from standin import StandIn
+
+from robot.serve.app import shown
+from robot.serve.capability import Robot
+from robot.serve.discovery import discovery, payload_verbs
+from robot.serve.mqtt import vacuum_state
+from robot.serve.world import World
+
+MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
+needs_broker = pytest.mark.skipif(
+    MOSQUITTO is None, reason="the Debian package mosquitto is missing"
+)
+BASE = "sweeper/t1"
+
+
+class BrokerProcess:
+    """A Mosquitto of our own on a free port."""
+
+    def __init__(self, folder, lines=("allow_anonymous true",)):
+        self.port = free_port()
+        self.config = folder / "mosquitto.conf"
+        self.config.write_text("\n".join([f"listener {self.port} 127.0.0.1", *lines, ""]))
+        self.start()
+
+    def start(self):
+        self.process = subprocess.Popen(
+            [MOSQUITTO, "-c", str(self.config)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    def stop(self):
+        self.process.terminate()
+        self.process.wait(timeout=10)
+
+
+class Home:
+    """A client such as Home Assistant's: remembers the newest of every topic."""
+
+    def __init__(self, port):
+        from paho.mqtt import client as paho
+
+        self.seen, self.when = {}, {}
+        self.client = paho.Client(paho.CallbackAPIVersion.VERSION2)
+        self.client.on_connect = lambda c, *_: c.subscribe([("sweeper/#", 1), ("ha/#", 1)])
+        self.client.on_message = self._hear
+        self.client.reconnect_delay_set(1, 1)
+        wait_for(lambda: self._connected(port))
+        self.client.loop_start()
+
+    def _connected(self, port):
+        with contextlib.suppress(OSError):
+            return self.client.connect("127.0.0.1", port) == 0
+
+    def _hear(self, client, userdata, message):
+        self.seen[message.topic] = message.payload
+        self.when[message.topic] = time.monotonic()
+
+    def state(self, leaf="state"):
+        return json.loads(self.seen.get(f"{BASE}/{leaf}", b"{}"))
+
+    def close(self):
+        self.client.disconnect()
+        self.client.loop_stop()
+
+
+@pytest.fixture
+def flat(tmp_path):
+    """(broker, Home Assistant, robot, server) that have found each other."""
+    broker = BrokerProcess(tmp_path)
+    robot = StandIn(tmp_path / "control.sock")
+    home = Home(broker.port)
+    with served(
+        tmp_path, tmp_path / "control.sock", mqtt_host="127.0.0.1", mqtt_port=broker.port,
+        fleet=True,
+    ) as server:  # fmt: skip
+        wait_for(lambda: home.seen.get(f"{BASE}/available") == b"online")
+        yield broker, home, robot, server
+    wait_for(lambda: home.seen.get(f"{BASE}/available") == b"offline")
+    home.close()
+    robot.close()
+    broker.stop()
+
+
+@needs_broker
+def test_home_assistant_finds_the_robot_and_steers_it(flat):
+    _, home, robot, server = flat
+    topic = "homeassistant/device/sweeper_t1/config"
+    home.client.subscribe("homeassistant/#", qos=1)
+    config = json.loads(wait_for(lambda: home.seen.get(topic)))
+    vacuum = config["cmps"]["vacuum"]
+    assert {"start", "pause", "stop", "return_home"} <= set(vacuum["supported_features"])
+    slowest = 0.0
+    for payload, state in (
+        ("start", "cleaning"), ("pause", "paused"), ("start", "cleaning"),
+        ("return_to_base", "returning"), ("stop", "idle"),
+    ):  # fmt: skip
+        asked = time.monotonic()
+        home.client.publish(vacuum["command_topic"], payload, qos=1)
+        wait_for(lambda state=state: home.state("vacuum").get("state") == state)
+        slowest = max(slowest, time.monotonic() - asked)
+    print(f"slowest round trip {slowest * 1000:.0f} ms")
+    assert robot.requests == ["start", "pause", "resume", "dock", "stop"]
+    assert slowest < 5.0
+    wait_for(lambda: home.seen.get(f"{BASE}/map", b"").startswith(b"\x89PNG"))
+    wait_for(lambda: home.state().get("battery_pct") == 83.0)
+    status, answer = server.json("/api/v1/fleet")
+    assert status == 200 and answer["robots"][0]["id"] == "t1"
+
+
+@needs_broker
+def test_a_command_from_the_past_and_nonsense_are_ignored(flat):
+    _, home, robot, _ = flat
+    for payload in ("fly", "x" * 5000, b"\xff\xfe", "", "locate"):
+        home.client.publish(f"{BASE}/command", payload, qos=1)
+    home.client.publish(f"{BASE}/command", "pause", qos=1)
+    wait_for(lambda: robot.requests == ["pause"])
+
+
+@needs_broker
+def test_a_retained_command_is_not_obeyed_after_a_start(tmp_path):
+    broker = BrokerProcess(tmp_path)
+    home = Home(broker.port)
+    home.client.publish(f"{BASE}/command", "start", qos=1, retain=True)
+    wait_for(lambda: f"{BASE}/command" in home.seen)
+    robot = StandIn(tmp_path / "c.sock")
+    with served(tmp_path, tmp_path / "c.sock", mqtt_host="127.0.0.1", mqtt_port=broker.port):
+        wait_for(lambda: home.seen.get(f"{BASE}/available") == b"online")
+        home.client.publish(f"{BASE}/command", "dock", qos=1)
+        wait_for(lambda: robot.requests)
+    assert robot.requests == ["dock"]
+    home.close()
+    robot.close()
+    broker.stop()
+
+
+@needs_broker
+def test_the_broker_may_go_and_come_back(flat):
+    broker, home, robot, _ = flat
+    broker.stop()
+    for number in range(200):
+        robot.reason = f"while nobody listened {number}"
+        robot.outlook.command(robot.mission(number))
+    broker.start()
+    wait_for(lambda: home.client.is_connected(), 30)
+    home.seen.clear()
+    robot.reason = "heard again"
+    wait_for(lambda: home.state().get("reason") == "heard again", 40)
+
+
+@needs_broker
+def test_a_robot_that_vanishes_is_told_by_its_will(tmp_path):
+    """A process that is killed says nothing; the broker does."""
+    import sys
+
+    broker = BrokerProcess(tmp_path)
+    home = Home(broker.port)
+    robot = StandIn(tmp_path / "c.sock")
+    words = ["--socket", str(tmp_path / "c.sock"), "--runs", str(tmp_path), "--id", "t1"]
+    words += ["--port", str(free_port()), "--mqtt-host", "127.0.0.1"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "robot", "serve", *words, "--mqtt-port", str(broker.port)],
+        stdout=subprocess.DEVNULL,
+    )
+    try:
+        wait_for(lambda: home.seen.get(f"{BASE}/available") == b"online", 60)
+    finally:
+        process.kill()
+        process.wait()
+    wait_for(lambda: home.seen.get(f"{BASE}/available") == b"offline", 40)
+    home.close()
+    robot.close()
+    broker.stop()
+
+
+@needs_broker
+def test_a_broker_with_a_password(tmp_path):
+    tool = shutil.which("mosquitto_passwd")
+    if tool is None:
+        pytest.skip("the Debian package mosquitto is missing")
+    kept = tmp_path / "passwords"
+    subprocess.run([tool, "-b", "-c", str(kept), "robot", "secret"], check=True)
+    kept.chmod(0o644)
+    tmp_path.chmod(0o755)
+    broker = BrokerProcess(
+        tmp_path, ["allow_anonymous false", f"password_file {kept}", "user root"]
+    )
+    (tmp_path / "pw").write_text("secret\n")
+    robot = StandIn(tmp_path / "c.sock")
+    with served(
+        tmp_path, tmp_path / "c.sock", mqtt_host="127.0.0.1", mqtt_port=broker.port,
+        mqtt_user="robot", mqtt_password_file=tmp_path / "pw", fleet=True,
+    ) as server:  # fmt: skip
+        wait_for(lambda: server.json("/api/v1/fleet")[1]["robots"])
+    robot.close()
+    broker.stop()
+
+
+def test_every_state_has_home_assistants_word():
+    words = {"cleaning", "docked", "paused", "idle", "returning", "error"}
+    states = "none idle docked starting undock look clean return dock recover paused done error"
+    for state in [*states.split(), "unreachable"]:
+        assert vacuum_state(state, False) in words
+    assert vacuum_state("idle", True) == "docked" and vacuum_state("idle", False) == "idle"
+
+
+def test_discovery_shows_only_what_the_robot_has():
+    world = World()
+    world.hello, world.connected = {"verbs": ["start", "resume"]}, True
+    runs = type("Runs", (), {"present": False})()
+    robot = Robot(None, world, runs, "Robby", "r1")
+    topic, config = discovery(robot, shown(robot), "ha")
+    assert topic == "ha/device/sweeper_r1/config"
+    features = set(config["cmps"]["vacuum"]["supported_features"])
+    assert "start" in features and not features & {"pause", "return_home", "locate", "fan_speed"}
+    assert config["cmps"]["resume"]["p"] == "button" and "map" not in config["cmps"]
+    assert all(part["unique_id"].startswith("sweeper_r1") for part in config["cmps"].values())
+    assert payload_verbs(shown(robot)) == {"start": "start", "resume": "resume"}
+    json.dumps(config)
