@@ -11,6 +11,7 @@ import pytest
 from mutants import Mutant, load_mutants
 
 HERE = Path(__file__).parent
+pytestmark = pytest.mark.timeout(900)
 
 
 @pytest.fixture(scope="module")
