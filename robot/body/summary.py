@@ -11,7 +11,7 @@ import numpy as np
 
 from robot.body.observe import NS, Observer
 from robot.config import Config, RobotConfig, dump_config
-from robot.evaluate.coverage import covered_pct
+from robot.evaluate.coverage import Sweep
 from robot.evaluate.latency import percentiles
 from robot.evaluate.report import draw_map
 from robot.evaluate.trajectory import compare_tracks
@@ -32,11 +32,13 @@ class Judge:
     def __init__(self, world: World, base: SimBase, robot: RobotConfig) -> None:
         self.world, self.base = world, base
         self.floor = world.reachable(robot)
-        self._brush_m = robot.brush_width_m
+        self._sweep, self._poses = Sweep(self.floor, robot.brush_width_m), 0
 
     def covered_pct(self, track: np.ndarray) -> float:
-        """Share of the reachable floor that the brush has swept along a true track (n, 4)."""
-        return covered_pct(self.floor, self.in_scene(track), self._brush_m)
+        """Share of the reachable floor swept along a true track (n, 4), which only ever grows."""
+        self._sweep.add(self.in_scene(track[self._poses :]))
+        self._poses = len(track)
+        return self._sweep.covered_pct()
 
     def in_scene(self, track: np.ndarray) -> np.ndarray:
         """A track (n, 4) of `world` (the start pose) in the scene's own coordinates."""

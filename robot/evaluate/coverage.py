@@ -35,38 +35,59 @@ class Floor(Protocol):
         ...
 
 
-def swept_mask(floor: Floor, track: np.ndarray, brush_width_m: float) -> np.ndarray:
-    """Bool of the floor's shape: swept along `track` (n, 4) of t_s, x_m, y_m, yaw_rad.
+class Sweep:
+    """The raster of what was swept, growing with the track.
 
     Poses that are not finite are left out. Consecutive poses farther apart than two brush widths
     are a jump (the robot was carried), not a sweep.
     """
-    rows, columns = floor.floor.shape
-    fine_m = floor.resolution_m / _FINER
-    fine = np.zeros((rows * _FINER, columns * _FINER), np.uint8)
-    poses = _thinned(np.asarray(track, float).reshape(-1, 4)[:, 1:])
-    # Filling paints every part that the outline touches: half a part less on each side.
-    half_m = max(fine_m, brush_width_m - fine_m) / 2.0
-    across = np.stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2])], axis=1) * half_m
-    origin = np.array([floor.origin_x_m, floor.origin_y_m])
-    ends = np.stack([poses[:, :2] + across, poses[:, :2] - across], axis=1)
-    pixels = np.rint(((ends - origin) / fine_m - 0.5) * (1 << _SHIFT)).astype(np.int32)
-    far = np.hypot(*np.diff(poses[:, :2], axis=0).T) > 2.0 * brush_width_m
-    for i in range(1, len(pixels)):
-        if not far[i - 1]:
-            hull = cv2.convexHull(pixels[i - 1 : i + 1].reshape(-1, 1, 2))
-            cv2.fillConvexPoly(fine, hull, 1, cv2.LINE_8, _SHIFT)
-    parts = fine.reshape(rows, _FINER, columns, _FINER).sum(axis=(1, 3), dtype=np.int32)
-    return parts * 2 >= _FINER * _FINER
+
+    def __init__(self, floor: Floor, brush_width_m: float) -> None:
+        self._floor = floor
+        self._fine_m = floor.resolution_m / _FINER
+        rows, columns = floor.floor.shape
+        self._fine = np.zeros((rows * _FINER, columns * _FINER), np.uint8)
+        # Filling paints every part that the outline touches: half a part less on each side.
+        self._half_m = max(self._fine_m, brush_width_m - self._fine_m) / 2.0
+        self._jump_m = 2.0 * brush_width_m
+        self._last = np.zeros((0, 3))
+
+    def add(self, track: np.ndarray) -> None:
+        """Go on along `track` (n, 4) of t_s, x_m, y_m, yaw_rad."""
+        poses = _thinned(np.vstack([self._last, np.asarray(track, float).reshape(-1, 4)[:, 1:]]))
+        if len(poses) == 0:
+            return
+        across = np.stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2])], axis=1) * self._half_m
+        origin = np.array([self._floor.origin_x_m, self._floor.origin_y_m])
+        ends = np.stack([poses[:, :2] + across, poses[:, :2] - across], axis=1)
+        pixels = ((ends - origin) / self._fine_m - 0.5) * (1 << _SHIFT)
+        pixels = np.rint(pixels).astype(np.int32)
+        far = np.hypot(*np.diff(poses[:, :2], axis=0).T) > self._jump_m
+        for i in range(1, len(pixels)):
+            if not far[i - 1]:
+                hull = cv2.convexHull(pixels[i - 1 : i + 1].reshape(-1, 1, 2))
+                cv2.fillConvexPoly(self._fine, hull, 1, cv2.LINE_8, _SHIFT)
+        self._last = poses[-1:]
+
+    def mask(self) -> np.ndarray:
+        """Bool of the floor's shape: cells most of whose area is swept."""
+        rows, columns = self._floor.floor.shape
+        parts = self._fine.reshape(rows, _FINER, columns, _FINER).sum(axis=(1, 3), dtype=np.int32)
+        return parts * 2 >= _FINER * _FINER
+
+    def covered_pct(self) -> float:
+        """Share of the floor that was swept, 0 to 100; NaN if the floor is empty."""
+        total = int(np.count_nonzero(self._floor.floor))
+        if total == 0:
+            return float("nan")
+        return 100.0 * int(np.count_nonzero(self.mask() & self._floor.floor)) / total
 
 
-def covered_pct(floor: Floor, track: np.ndarray, brush_width_m: float) -> float:
-    """Share of `floor` that was swept, 0 to 100; NaN if the floor is empty."""
-    total = int(np.count_nonzero(floor.floor))
-    if total == 0:
-        return float("nan")
-    swept = swept_mask(floor, track, brush_width_m)
-    return 100.0 * int(np.count_nonzero(swept & floor.floor)) / total
+def swept_mask(floor: Floor, track: np.ndarray, brush_width_m: float) -> np.ndarray:
+    """Bool of the floor's shape: swept along the whole `track` (n, 4). See `Sweep`."""
+    sweep = Sweep(floor, brush_width_m)
+    sweep.add(track)
+    return sweep.mask()
 
 
 def area_m2(floor: Floor) -> float:
