@@ -136,7 +136,8 @@ class SerialTransport:
         deadline_s = time.monotonic() + _DELIVERY_S
         while self.bytes_received < total:
             self._receive(0.1)
-            if not self.is_open or time.monotonic() > deadline_s:
+            late = self.bytes_received < total and time.monotonic() > deadline_s
+            if not self.is_open or late:
                 raise BridgeError(
                     f"{self._port}: {total} bytes were promised and {self.bytes_received} came; "
                     "start the firmware again."

@@ -60,7 +60,8 @@ class Life:
         self.robot.cable.noise = Noise()
         healed_ns = self.robot.now_ns
         frames = self.robot.link.counters.frames
-        while not (self.robot.link_state[0] and self.robot.link.counters.frames > frames + 1):
+        # Some answers and telemetry must have come: only then is the latch known again.
+        while not (self.robot.link_state[0] and self.robot.link.counters.frames > frames + 12):
             self.tick()
             assert self.robot.now_ns - healed_ns <= RECOVERY_LIMIT_NS
         reason = self.robot.link_state[1]
