@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.errors import BridgeError
+from robot.bench.verbs import add_verbs as add_bench_verbs
 from robot.body.wheels import add_verbs as add_wheels_verbs
 from robot.errors import SweeperError
 
@@ -72,59 +73,9 @@ def parser() -> argparse.ArgumentParser:
         help="frames: run perception again (needs a log of `sweeper record`)",
     )
 
-    bench = verbs.add_parser("bench", help="measure: pipeline, stereo, slam")
+    bench = verbs.add_parser("bench", help="measure: pipeline, stereo, slam, coverage, home")
     benches = bench.add_subparsers(title="benchmarks", metavar="BENCH", required=True)
-    pipeline = _verb(
-        benches, "pipeline", "recorded stereo frames through perception and SLAM", _bench_pipeline
-    )
-    pipeline.add_argument(
-        "--frames",
-        type=Path,
-        nargs="+",
-        required=True,
-        metavar="DIR",
-        help="EuRoC ASL or KITTI odometry folders, or a folder of them",
-    )
-    pipeline.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
-    pipeline.add_argument("--out", type=Path, default=Path("runs/pipeline"), help="for pictures")
-    coverage = _verb(benches, "coverage", "the planner alone on map_server maps", _bench_coverage)
-    coverage.add_argument("--maps", type=Path, nargs="+", required=True, metavar="DIR")
-    coverage.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
-    coverage.add_argument("--out", type=Path, default=Path("bench"), help="folder for pictures")
-
-    stereo = _verb(benches, "stereo", "matchers on stereo pairs with true disparity", _bench_stereo)
-    stereo.add_argument(
-        "--pairs", type=Path, required=True, metavar="DIR", help="see docs in models/"
-    )
-    stereo.add_argument(
-        "--matcher", "--matchers", dest="matchers", default="", metavar="NAMES",
-        help="comma-separated; default: all",
-    )  # fmt: skip
-    stereo.add_argument("--out", type=Path, default=Path("runs/stereo"), help="for pictures")
-    stereo.add_argument("--pictures", action="store_true", help="also error panels, into --out")
-    stereo.add_argument("--threads", type=int, default=1, metavar="N")
-    kind = stereo.add_mutually_exclusive_group()
-    kind.add_argument("--native", action="store_true", help="at full size instead of 320x240")
-    kind.add_argument("--stress", action="store_true", help="disturbed pictures, swapped eyes")
-    kind.add_argument("--confidence", action="store_true", help="at the density SGBM keeps")
-
-    slam = _verb(benches, "slam", "EKF-SLAM on recordings with known truth, and logs", _bench_slam)
-    slam.add_argument(
-        "path",
-        type=Path,
-        metavar="PATH",
-        help="MRCLAM (raw folder or .npz), Victoria Park .npz, sensor_data.dat, log.mcap, or a "
-        "folder of them",
-    )
-    slam.add_argument("--association", choices=("known", "unknown"), help="default: both")
-    slam.add_argument(
-        "--perturb",
-        default="",
-        metavar="LIST",
-        help="mirror,relabel,shift=S,drop=P,outliers=P,wrong=P,slip=P",
-    )
-    slam.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
-    slam.add_argument("--out", type=Path, default=Path("runs/slam"), help="pictures and tracks")
+    add_bench_verbs(benches, _verb, _write_json)
 
     log = verbs.add_parser("log", help="work on logs: recover")
     logs = log.add_subparsers(title="log commands", metavar="COMMAND", required=True)
@@ -222,67 +173,6 @@ def _replay(arguments: argparse.Namespace) -> int:
     if arguments.json != "-":
         print(result.sentence())
     return EXIT_DONE if result.identical else EXIT_FAILED
-
-
-def _bench_pipeline(arguments: argparse.Namespace) -> int:
-    from robot.bench.pipeline import bench_pipeline
-    from robot.config import load_config
-    from robot.progress import print_table
-
-    result = bench_pipeline(arguments.frames, load_config(arguments.config), arguments.out)
-    if arguments.json != "-":
-        print_table("pipeline", result["sequences"])
-    _write_json(arguments.json, result)
-    return EXIT_DONE
-
-
-def _bench_coverage(arguments: argparse.Namespace) -> int:
-    from robot.bench.coverage import bench_coverage
-    from robot.config import load_config
-    from robot.progress import print_table
-
-    result = bench_coverage(arguments.maps, load_config(arguments.config), arguments.out)
-    if arguments.json != "-":
-        print_table("coverage", [*result["maps"], {"name": "mean", **result["mean"]}])
-    _write_json(arguments.json, result)
-    return EXIT_DONE
-
-
-def _bench_stereo(arguments: argparse.Namespace) -> int:
-    from robot.bench.stereo import StereoOrder, run_order, tables
-    from robot.progress import print_table
-
-    matchers = [m for m in arguments.matchers.split(",") if m]
-    ways = [way for way in ("native", "stress", "confidence") if getattr(arguments, way)]
-    order = StereoOrder(
-        arguments.pairs, matchers or None, arguments.out, arguments.pictures, arguments.threads,
-        ways[0] if ways else "protocol",
-    )  # fmt: skip
-    result = run_order(order)
-    if arguments.json != "-":
-        for title, rows in tables(result).items():
-            print_table(title, rows)
-    _write_json(arguments.json, result)
-    return EXIT_DONE
-
-
-def _bench_slam(arguments: argparse.Namespace) -> int:
-    from robot.bench.slam import bench_slam
-    from robot.config import load_config
-    from robot.progress import print_table
-
-    result = bench_slam(
-        arguments.path,
-        load_config(arguments.config),
-        arguments.association,
-        arguments.out,
-        arguments.perturb,
-    )
-    if arguments.json != "-":
-        print_table("slam", result["runs"])
-        print_table("cost of one step", result["cost"])
-    _write_json(arguments.json, result)
-    return EXIT_DONE
 
 
 def _log_recover(arguments: argparse.Namespace) -> int:
