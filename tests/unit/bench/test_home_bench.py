@@ -33,6 +33,22 @@ def test_runs_side_by_side_are_what_they_are_alone(tmp_path):
     assert again["path_m"] > 0.3
 
 
+def test_a_cluster_gives_the_same(tmp_path):
+    from distributed import LocalCluster
+
+    def options(scheduler: str, name: str) -> HomeOptions:
+        return HomeOptions(
+            ("studio",), (1,), drawn=True, duration_s=6.0, scheduler=scheduler, out=tmp_path / name
+        )
+
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        far = bench_home(options(cluster.scheduler_address, "far"), Config())["runs"][0]
+    near = bench_home(options("", "near"), Config())["runs"][0]
+    assert {k: far[k] for k in ("path_m", "ate_rmse_m")} == {
+        k: near[k] for k in ("path_m", "ate_rmse_m")
+    }
+
+
 def test_an_unknown_scene_is_named(tmp_path):
     with pytest.raises(SceneError, match="no-such"):
         bench_home(HomeOptions(("no-such",), (1,), out=tmp_path), Config())
