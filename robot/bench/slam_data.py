@@ -35,6 +35,7 @@ class SurveyData:
     truth: np.ndarray  # (k, 4)
     landmarks: dict[int, tuple[float, float]]  # true places by subject
     settings: SurveySettings
+    truth_at_m: tuple[float, float] = (0.0, 0.0)  # point of the base that the truth follows
 
 
 # A small differential drive that is told speeds, with a camera that reads bar codes: their height
@@ -200,6 +201,7 @@ def _victoria(name: str, arrays: dict[str, np.ndarray]) -> SurveyData:
         np.column_stack([gps, np.full(len(gps), np.nan)]),
         {},
         CAR,
+        _VICTORIA_LASER_M,  # the antenna stands above the laser
     )
 
 

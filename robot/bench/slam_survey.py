@@ -58,9 +58,9 @@ def run_survey(data: SurveyData, named: bool) -> SurveyRun:
             tally.count(survey.see(data.polar[rows], subject).tolist(), subject.tolist())
         if t_s in wanted:
             pose, cov = survey.pose()
-            track.append((t_s, *pose.tolist()))
+            track.append((t_s, *_at(pose, data.truth_at_m)))
             covs.append(cov)
-            dead.append((t_s, *blind.pose()[0].tolist()))
+            dead.append((t_s, *_at(blind.pose()[0], data.truth_at_m)))
     return SurveyRun(
         np.array(track).reshape(-1, 4),
         np.array(covs).reshape(-1, 3, 3),
@@ -72,6 +72,12 @@ def run_survey(data: SurveyData, named: bool) -> SurveyRun:
         tally,
         survey.ekf.calibration.copy(),
     )
+
+
+def _at(pose: np.ndarray, point_m: tuple[float, float]) -> tuple[float, float, float]:
+    """The pose (3,) of `point_m` of the base."""
+    there = SE2(*pose.tolist()) @ SE2(*point_m)
+    return there.x_m, there.y_m, there.yaw_rad
 
 
 def measure_survey(data: SurveyData, run: SurveyRun, named: bool) -> dict[str, Any]:

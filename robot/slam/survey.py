@@ -21,6 +21,7 @@ from robot.slam.velocity import Velocities, VelocityNoise, velocity_increment
 CHI2_2_99 = 9.21  # 99 % of two degrees of freedom
 _ABSURD_CHI2 = 60.0  # a named sight so far off measures nothing
 _T_DOF = 4.0  # of Student's distribution, which weighs outliers down
+_REFUSALS = 5
 _WANDER_M = 0.02  # between two sights of a candidate the pose errs about so much
 
 
@@ -55,6 +56,7 @@ class Known:
     name: int
     sights: int
     last_s: float
+    refused: int = 0  # sights in a row that were absurd
     met: set[int] = field(default_factory=set)  # seen in the same frame: surely another thing
 
 
@@ -148,19 +150,26 @@ class Survey:
         distance = mahalanobis(self.ekf, sights, cov)
         if names is None:
             near = distance.min(axis=1)
-            possible = distance < CHI2_2_99
+            possible = distance < CHI2_2_99 + self._settings.margin  # rivals, too
         else:
             known = np.array([landmark.name for landmark in self.known])
             possible = names[:, None] == known[None]
         sight, landmark = np.nonzero(possible)
         if names is not None:
             near[sight] = 0.0  # what has a name is never new
-            kept = distance[sight, landmark] < _ABSURD_CHI2
+            kept = self._plausible(landmark, distance[sight, landmark])
             sight, landmark = sight[kept], landmark[kept]
         columns, jacobian, predicted = self._linearise(landmark)
         _, shared = self.ekf.innovation(columns, jacobian)
         away = residual(sights[sight], predicted)
         return PairTable(sight, landmark, away, shared, cov[sight]), near
+
+    def _plausible(self, landmark: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        """Which named sights (p,) can be true; a landmark refused too often was placed wrongly."""
+        plausible = distance < _ABSURD_CHI2
+        for index, fits in zip(landmark.tolist(), plausible.tolist(), strict=True):
+            self.known[index].refused = 0 if fits else self.known[index].refused + 1
+        return np.asarray(plausible)
 
     def _linearise(self, landmark: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Columns (p, 5), Jacobians (p, 2, 5) and expected sights (p, 2)."""
@@ -217,7 +226,7 @@ class Survey:
             ripe = []
             for k in range(len(fresh)):
                 name = int(names[fresh[k]]) if self._named and names is not None else -1
-                if self._ripe(places[k], own[k], name):
+                if self._named or self._ripe(places[k], own[k], name):
                     ripe.append(k)
             if ripe:
                 self.ekf.add(places[ripe], by_pose[ripe], by_sight[ripe], cov[fresh[ripe]])
@@ -249,14 +258,15 @@ class Survey:
         return self._settings.confirmations <= 1
 
     def _forget(self) -> None:
-        """Drop what was seen a few times only and never again."""
-        assert self.t_s is not None
-        s = self._settings
-        kept = [
-            i
-            for i, landmark in enumerate(self.known)
-            if landmark.sights >= s.ghost_sights or self.t_s - landmark.last_s < s.ghost_after_s
-        ]
+        """Drop what was seen a few times only and never again, or was placed by a false sight."""
+        kept = [i for i, landmark in enumerate(self.known) if self._worth_keeping(landmark)]
         if len(kept) < len(self.known):
             self.ekf.keep(np.array(kept, dtype=int))
             self.known = [self.known[i] for i in kept]
+
+    def _worth_keeping(self, landmark: Known) -> bool:
+        assert self.t_s is not None
+        s = self._settings
+        if self._named:
+            return landmark.refused < _REFUSALS
+        return landmark.sights >= s.ghost_sights or self.t_s - landmark.last_s < s.ghost_after_s

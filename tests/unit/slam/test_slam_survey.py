@@ -94,13 +94,23 @@ def test_same_input_same_map() -> None:
 
 
 def test_a_thing_seen_twice_only_is_forgotten() -> None:
-    survey = Survey(replace(SETTINGS, confirmations=1), np.array([[0.0, 0.0, 0.0]]), named=True)
+    settings = replace(SETTINGS, confirmations=1)
+    survey = Survey(settings, np.array([[0.0, 0.0, 0.0]]), named=False)
     survey.move(0.0)
-    survey.see(np.array([[2.0, 0.1]]), np.array([7]))
+    survey.see(np.array([[2.0, 0.1]]))
     assert survey.ekf.count == 1
-    survey.move(1.0)
-    survey.see(np.empty((0, 2)), np.empty(0, dtype=int))
-    assert survey.ekf.count == 1
-    survey.move(100.0)
-    survey.see(np.empty((0, 2)), np.empty(0, dtype=int))
-    assert survey.ekf.count == 0 and not survey.known
+    for t_s, count in ((1.0, 1), (100.0, 0)):
+        survey.move(t_s)
+        survey.see(np.empty((0, 2)))
+        assert survey.ekf.count == len(survey.known) == count
+
+
+def test_a_name_placed_by_a_false_sight_is_placed_anew() -> None:
+    survey = Survey(SETTINGS, np.array([[0.0, 0.0, 0.0]]), named=True)
+    right = np.array([[2.0, 0.1]])
+    survey.move(0.0)
+    survey.see(np.array([[9.0, -0.5]]), np.array([7]))
+    for k in range(1, 9):
+        survey.move(0.5 * k)
+        survey.see(right, np.array([7]))
+    assert survey.ekf.landmarks()[0] == pytest.approx([1.99, 0.2], abs=0.05)
