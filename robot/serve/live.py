@@ -91,7 +91,9 @@ class _Reader:
         loop = asyncio.get_running_loop()
         since, wishes = loop.time(), 0
         while True:
-            text = await self._socket.receive_text()
+            text = (await self._socket.receive()).get("text")
+            if text is None:  # it has left, or sent bytes
+                return
             if loop.time() - since > 1.0:
                 since, wishes = loop.time(), 0
             wishes += 1

@@ -1,6 +1,7 @@
 """One served stand-in for a module's tests: a server for each would take most of the time."""
 
 import json
+import logging
 import sys
 from pathlib import Path
 
@@ -10,6 +11,17 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from serving import served, wait_for
 from standin import StandIn
+
+
+class Failures(logging.Handler):
+    """What the server says of its own mistakes."""
+
+    def __init__(self, level):
+        super().__init__(level)
+        self.said = []
+
+    def emit(self, record):
+        self.said.append(record.getMessage() + str(record.exc_info))
 
 
 @pytest.fixture(scope="module")
@@ -30,5 +42,9 @@ def house(tmp_path_factory):
         wait_for(lambda: server.ask("/api/v1/map.png")[0] == 200)
         wait_for(lambda: server.ask("/api/v1/landmarks")[0] == 200)
         server.app._rules.requests._rate = server.app._rules.requests._burst = 1e9
+        failures = Failures(logging.ERROR)
+        logging.getLogger("uvicorn.error").addHandler(failures)
         yield server, robot, folder
+        logging.getLogger("uvicorn.error").removeHandler(failures)
+        assert failures.said == []
     robot.close()
