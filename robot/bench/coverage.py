@@ -50,8 +50,10 @@ def bench_coverage(paths: Sequence[Path], config: Config, out_dir: Path) -> dict
     Raises MapError for a map that cannot be read or where the robot fits nowhere.
     """
     out_dir.mkdir(parents=True, exist_ok=True)
-    # Map and pose are exact here: nothing has to be kept from walls for their errors' sake.
-    exact = msgspec.structs.replace(config.planning, margin_m=0.0, thin_margin_m=0.0, horizon_m=0.0)
+    # Map and pose are exact here: no room has to be kept for their errors.
+    exact = msgspec.structs.replace(
+        config.planning, margin_m=0.0, thin_margin_m=0.0, lane_overlap_m=0.0, horizon_m=0.0
+    )
     config = msgspec.structs.replace(config, planning=exact)
     rows = [_measure(path, config, out_dir) for path in _maps(paths)]
     figures = [key for key in rows[0] if key != "name"]

@@ -18,15 +18,22 @@ Visit = tuple[int, int]  # piece, way
 _MOVED = 4  # longest stretch that is moved
 _ROUNDS = 12
 _SAVING_CELLS = 0.5  # less is not worth another plan
+_TOGETHER = 40  # so many visits are put into order at a time, so that time grows with the floor
+_WAYS = 12  # beginnings that are tried of a closed edge
+_FAR_M, _DETOUR = 8.0, 2.0  # ways longer than this are guessed from the straight line
 
 
 def improved(
     lattice: Lattice, ways: Sequence[Sequence[np.ndarray]], start: np.ndarray, order: list[Visit]
 ) -> list[Visit]:
     """The same visits in a shorter order; `ways[piece][way]` is a polyline (n, 2) in cells."""
-    if len(order) < 3:
-        return order
-    return _Search(lattice, ways, start, order).run()
+    better: list[Visit] = []
+    for first in range(0, len(order), _TOGETHER):
+        part = _Search(lattice, ways, start, order[first : first + _TOGETHER]).run()
+        better += part
+        piece, way = part[-1]
+        start = ways[piece][way][-1]
+    return better
 
 
 class _Search:
@@ -39,12 +46,15 @@ class _Search:
         start: np.ndarray,
         order: list[Visit],
     ) -> None:
-        self._visits = [(p, w) for p, _ in order for w in range(len(ways[p]))]
+        self._visits = [(p, w) for p, now in order for w in _some(ways[p], now)]
         number = {visit: k for k, visit in enumerate(self._visits)}
-        self._back = [number[p, _reverse(ways[p], w)] for p, w in self._visits]
         self._others: dict[int, list[int]] = {}
         for p, w in self._visits:
             self._others.setdefault(p, []).append(number[p, w])
+        self._back = [
+            number[p, _reverse(ways[p], [self._visits[k][1] for k in self._others[p]], w)]
+            for p, w in self._visits
+        ]
         lines = [ways[p][w] for p, w in self._visits]
         first = np.array([line[0] for line in lines])
         last = np.array([line[-1] for line in lines])
@@ -126,10 +136,22 @@ class _Search:
         return better
 
 
-def _reverse(ways: Sequence[np.ndarray], w: int) -> int:
+def _some(ways: Sequence[np.ndarray], now: int) -> list[int]:
+    """Not too many of a piece's ways, evenly spread, with their reverses and the present one.
+
+    A closed edge has two ways, to and fro, for each place where it may begin.
+    """
+    pairs = max(1, len(ways) // 2)
+    if pairs <= _WAYS or len(ways) % 2:
+        return list(range(len(ways)))
+    chosen = {now // 2, *(k * pairs // _WAYS for k in range(_WAYS))}
+    return [w for k in sorted(chosen) for w in (2 * k, 2 * k + 1)]
+
+
+def _reverse(ways: Sequence[np.ndarray], among: Sequence[int], w: int) -> int:
     """The way of the same piece that ends where way `w` begins, and begins where it ends."""
     return min(
-        range(len(ways)),
+        among,
         key=lambda k: (
             float(np.abs(ways[k][0] - ways[w][-1]).sum() + np.abs(ways[k][-1] - ways[w][0]).sum()),
             k == w,
@@ -138,9 +160,11 @@ def _reverse(ways: Sequence[np.ndarray], w: int) -> int:
 
 
 def _distances(lattice: Lattice, ends: np.ndarray, begins: np.ndarray) -> list[list[float]]:
-    """Travel (len(ends), len(begins)) in cells, along the lattice but for straight short ways."""
+    """Travel (len(ends), len(begins)) in cells along the lattice; far ways are guessed."""
     straight = np.hypot(*(ends[:, None] - begins[None]).transpose(2, 0, 1))
     sources, row = np.unique([lattice.node_at(p) for p in ends], return_inverse=True)
     targets = np.array([lattice.node_at(p) for p in begins])
-    along = lattice.distances(sources)[:, targets][row]
-    return np.maximum(along, straight).tolist()
+    along = lattice.distances(sources, _FAR_M / lattice.cell_m)[:, targets][row]
+    far = np.where(np.isfinite(along), np.maximum(along, straight), _DETOUR * straight)
+    travel: list[list[float]] = far.tolist()
+    return travel

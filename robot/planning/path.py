@@ -25,6 +25,7 @@ class Lattice:
 
     def __init__(self, space: Space, soft_clearance_m: float) -> None:
         self._space = space
+        self.cell_m = space.cell_m
         self._block = max(1, round(_NODE_M / space.cell_m))
         self._soft_m = max(soft_clearance_m, space.need_m + 1e-3)
         self._tolerance_m = 0.5 * space.cell_m
@@ -78,8 +79,8 @@ class Lattice:
                     heapq.heappush(heap, (total, other))
         return done, parent
 
-    def distances(self, sources: np.ndarray) -> np.ndarray:
-        """Costs (len(sources), nodes) of ways from some nodes to all; inf where there is none."""
+    def distances(self, sources: np.ndarray, limit_cells: float) -> np.ndarray:
+        """Costs (len(sources), nodes) of ways from some nodes to all; inf beyond a limit."""
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
 
@@ -88,7 +89,7 @@ class Lattice:
         starts = np.concatenate([[0], np.cumsum(count)])
         shape = (len(count), len(count))
         graph = csr_array((flat[:, 1], flat[:, 0].astype(np.int32), starts), shape=shape)
-        return np.asarray(dijkstra(graph, indices=sources))
+        return np.asarray(dijkstra(graph, indices=sources, limit=limit_cells))
 
     def route(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
         """Waypoints (n, 2) in cells from `start` to `goal`, both included; None if cut off."""
