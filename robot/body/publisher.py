@@ -275,8 +275,8 @@ def cut_tiles(grid: Grid, covered: np.ndarray) -> dict[Place, bytes]:
     tiles = paper.reshape(high, size, wide, size).swapaxes(1, 2)
     known = tiles.any(axis=(2, 3))
     return {
-        (ix0 // size + int(i), iy0 // size + int(j)): tiles[j, i].tobytes()
-        for j, i in np.argwhere(known)
+        (ix0 // size + i, iy0 // size + j): tiles[j, i].tobytes()
+        for j, i in np.argwhere(known).tolist()
     }
 
 
