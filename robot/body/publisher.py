@@ -274,10 +274,8 @@ def cut_tiles(grid: Grid, covered: np.ndarray) -> dict[Place, bytes]:
     paper[low : low + rows, left : left + columns] = cells
     tiles = paper.reshape(high, size, wide, size).swapaxes(1, 2)
     known = tiles.any(axis=(2, 3))
-    return {
-        (ix0 // size + i, iy0 // size + j): tiles[j, i].tobytes()
-        for j, i in np.argwhere(known).tolist()
-    }
+    places: list[list[int]] = np.argwhere(known).tolist()
+    return {(ix0 // size + i, iy0 // size + j): tiles[j, i].tobytes() for j, i in places}
 
 
 def landmark_rows(report: MapReport) -> list[list[float]]:
