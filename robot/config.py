@@ -106,7 +106,7 @@ class SlamConfig(Section):
     gyro_bias_walk: NotNegative = 0.00002  # rad/s per sqrt(s)
     slip_chi2: Positive = 12.0  # above: the wheels turned without the floor
     # the filter
-    invariant: bool = False  # errors that turn with the heading: see ekf.py
+    invariant: bool = True  # errors turn with the heading: an honest one, see ekf.py
     # association
     range_noise_factor: Positive = 4.0  # on variances of landmarks, as errors last many frames
     bearing_noise_factor: Positive = 4.0

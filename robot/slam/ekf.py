@@ -119,37 +119,40 @@ class LandmarkFilter(ExtendedKalmanFilter):
         lower = np.linalg.cholesky(spread)
         solved = np.linalg.solve(lower, np.column_stack([residual.reshape(-1), hp]))
         whitened, w_t = solved[:, 0], solved[:, 1:]
-        self.P -= w_t.T @ w_t
+        change = whitened @ w_t
         if self._invariant:
-            self._correct_invariantly(whitened @ w_t)
+            swing = self._turn_positions(change)
+            row = self.P[YAW] - w_t[:, YAW] @ w_t
+            more, less = _halves(swing, row + (0.5 * row[YAW]) * swing)
+            w_t = np.vstack([w_t, less])
+            self.P += np.outer(more, more)
         else:
-            self.x = self.x + whitened @ w_t
+            self.x = self.x + change
+        self.P -= w_t.T @ w_t
         self._wrap()
 
-    def _correct_invariantly(self, change: np.ndarray) -> None:
-        """Turn all positions together by the change of heading, and their errors with them.
+    def _turn_positions(self, change: np.ndarray) -> np.ndarray:
+        """Apply a correction (n,), turning all positions together; returns their swing (n,).
 
         With xi = (turn, shift of each position) and J the quarter turn, a position p becomes
-        exp(xi) p, where shift = change - J p turn; its error is shift + J p turn, so that the
-        covariance follows p by one rank-two step.
+        exp(xi) p, where shift = change - J p turn. Its error is shift + J p turn, so that the
+        covariance must follow p: P becomes (I + s e^T) P (I + e s^T), where the swing s is J times
+        the way that each position went, and e picks the heading.
         """
         turn = float(change[YAW])
         index = self._positions()
         before = self.x[index]
         shift = change[index] - turn * np.stack([-before[:, 1], before[:, 0]], axis=1)
-        rotated = exp(0.0, 0.0, turn).apply(before)
-        self.x = self.x + change
         a, b = _arc(turn)
         shifted = np.stack(
             [a * shift[:, 0] - b * shift[:, 1], b * shift[:, 0] + a * shift[:, 1]], axis=1
         )
-        self.x[index] = rotated + shifted
+        self.x = self.x + change
+        self.x[index] = exp(0.0, 0.0, turn).apply(before) + shifted
         moved = self.x[index] - before
         swing = np.zeros(self.dim_x)
         swing[index] = np.stack([-moved[:, 1], moved[:, 0]], axis=1)
-        row = self.P[YAW] + (0.5 * self.P[YAW, YAW]) * swing
-        turned = np.outer(swing, row)
-        self.P += turned + turned.T
+        return swing
 
     def _positions(self) -> np.ndarray:
         """Indices (1 + 1 + m, 2) of the entries that are x and y."""
@@ -227,3 +230,13 @@ def _arc(turn_rad: float) -> tuple[float, float]:
     if abs(turn_rad) < 1e-6:
         return 1.0 - turn_rad * turn_rad / 6.0, 0.5 * turn_rad
     return math.sin(turn_rad) / turn_rad, (1.0 - math.cos(turn_rad)) / turn_rad
+
+
+def _halves(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """u and v with u u^T - v v^T = a b^T + b a^T, which is symmetric to the last bit."""
+    size_a, size_b = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    if size_a == 0.0 or size_b == 0.0:
+        return np.zeros_like(a), np.zeros_like(b)
+    balance = math.sqrt(size_b / size_a)
+    a, b = a * (balance / math.sqrt(2.0)), b / (balance * math.sqrt(2.0))
+    return a + b, a - b

@@ -153,3 +153,48 @@ def test_covariance_stays_positive_definite_over_many_steps() -> None:
             assert np.array_equal(ekf.P, ekf.P.T)
             np.linalg.cholesky(ekf.P)  # raises where it is not positive definite
     assert abs(ekf.x[2]) <= np.pi
+
+
+def test_invariant_update_is_the_plain_one_carried_to_the_new_positions() -> None:
+    rng = np.random.default_rng(11)
+    plain, turning = random_filter(11, 6), random_filter(11, 6)
+    turning._invariant = True
+    step = sights(plain, rng, 4)
+    before = plain.x.copy()
+    plain.update(*step)
+    turning.update(*step)
+    change = plain.x - before
+    moved = turning.x - before
+    assert moved == pytest.approx(change, abs=4.0 * abs(change[2]) * (abs(change[2]) + 0.05))
+    carry = np.eye(plain.dim_x)
+    for first in (POSE.start, MARKER.start, *range(FIRST_LANDMARK, plain.dim_x, 2)):
+        carry[first, 2], carry[first + 1, 2] = -moved[first + 1], moved[first]
+    assert np.abs(turning.P - carry @ plain.P @ carry.T).max() < 1e-12
+    assert np.array_equal(turning.P, turning.P.T)
+
+
+@pytest.mark.parametrize("invariant", [True, False])
+def test_sights_teach_nothing_of_the_heading_that_the_start_did_not_tell(invariant: bool) -> None:
+    rng = np.random.default_rng(12)
+    sigma = np.array([0.1, 0.1, 0.1] + [0.0] * 4 + [1.0] * 3)
+    ekf = LandmarkFilter(sigma, invariant)
+    things = rng.uniform(-3.0, 3.0, (8, 2))
+    true = np.array([0.2, -0.1, 0.15])  # the start is not where the filter believes
+    noise = np.diag([0.05, 0.05]) ** 2
+    seen, _, _ = expected(true, things)
+    ekf.add(*locate(ekf.x[POSE], seen + rng.normal(0, 0.05, seen.shape)), np.tile(noise, (8, 1, 1)))
+    motion = SE2(0.1, 0.0, 0.1)
+    smallest = np.inf
+    for _ in range(120):
+        true, _, _ = compose(true, motion)
+        end, by_pose, _ = compose(ekf.x[POSE], motion)
+        ekf.predict(end, by_pose, np.zeros((3, 4)), np.diag([1e-5, 1e-5, 1e-5]), np.zeros(4))
+        seen, _, _ = expected(true, things)
+        predicted, at_pose, at_point = expected(ekf.x[POSE], ekf.landmarks())
+        first = FIRST_LANDMARK + 2 * np.arange(8)[:, None]
+        columns = np.hstack([np.tile(np.arange(3), (8, 1)), first, first + 1])
+        away = residual(seen + rng.normal(0, 0.05, seen.shape), predicted)
+        jacobian = np.concatenate([at_pose, at_point], axis=2)
+        ekf.update(columns, jacobian, away, np.tile(noise, (8, 1, 1)))
+        smallest = min(smallest, float(np.sqrt(ekf.P[2, 2])))
+    assert (smallest >= 0.1 - 1e-6) == invariant
