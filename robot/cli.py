@@ -77,11 +77,15 @@ def parser() -> argparse.ArgumentParser:
     benches = bench.add_subparsers(title="benchmarks", metavar="BENCH", required=True)
     add_bench_verbs(benches, _verb, _write_json)
 
-    log = verbs.add_parser("log", help="work on logs: recover")
+    log = verbs.add_parser("log", help="work on logs: info, cut, export, recover")
     logs = log.add_subparsers(title="log commands", metavar="COMMAND", required=True)
     recover = _verb(logs, "recover", "save what a damaged log still holds", _log_recover)
     recover.add_argument("log", type=Path, metavar="LOG", help="a truncated or damaged log.mcap")
     recover.add_argument("out", type=Path, metavar="OUT", help="the new log")
+
+    from robot.body.log_verbs import add_log_verbs
+
+    add_log_verbs(logs, _verb, _write_json)
 
     check = _verb(
         verbs, "check", "is this machine ready to drive? every finding has a remedy", _check

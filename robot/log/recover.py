@@ -57,7 +57,7 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
 
 def _copy(path: Path, writer: Writer) -> Recovered:
     """Copy whole chunks until the end or the first damage."""
-    copier = _Copier(writer)
+    copier = Copier(writer)
     chunks = 0
     with open_log(path) as file:
         problem = "" if ends_whole(file) else "the file has no end"
@@ -76,7 +76,7 @@ def _copy(path: Path, writer: Writer) -> Recovered:
     return Recovered(copier.messages, chunks, copier.seconds, problem)
 
 
-class _Copier:
+class Copier:
     """Writes the records of chunks, renumbering schemas and channels."""
 
     def __init__(self, writer: Writer) -> None:
