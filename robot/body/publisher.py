@@ -261,7 +261,7 @@ class Publisher(threading.Thread):
 def cut_tiles(grid: Grid, covered: np.ndarray) -> dict[Place, bytes]:
     """Tiles of `robot.body.stream` with anything known in them."""
     size = stream.TILE
-    cells = np.full(grid.cells.shape, stream.UNKNOWN, np.uint8)
+    cells: np.ndarray = np.full(grid.cells.shape, stream.UNKNOWN, np.uint8)
     cells[(grid.cells >= 0) & (grid.cells < 50)] = stream.FREE
     cells[covered & (cells == stream.FREE)] = stream.SWEPT
     cells[grid.cells >= 50] = stream.OCCUPIED
