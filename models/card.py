@@ -28,11 +28,11 @@ to 2 px. Layer by layer: the head of `{definition}`.
 
 | | | from |
 |---|---|---|
-| parameters | {parameters:,} | `python -m models.export {name}` |
+| parameters | {parameters:,} | `python -m models.export {name}{int8_option}` |
 | file | {bytes:,} bytes, opset {opset}, sha256 `{sha}...` | the same |
 | multiply-accumulates | {mmac} M per pair | the same |
-| difference to PyTorch | {parity_px:g} px at most, on one random pair | the same |
-| executed Cortex-A53 instructions | {a53} | |
+| difference to PyTorch | {parity_px:g} px at most, on one random pair{int8_note} | the same |
+| executed Cortex-A53 instructions | {a53} | `make a53` |
 | trained | {steps} | `python -m models.train {name} --minutes {minutes:g}` |
 | licence | {licence} | |
 
@@ -117,6 +117,16 @@ def _verdict(name: str, bench: dict[str, Any]) -> str:
     return f"Accuracy, 100 - bad-3, as a share of fair SGBM's: {', '.join(parts)}."
 
 
+def _int8_note(entry: dict[str, Any]) -> str:
+    """What 8 bits change, or nothing."""
+    if "int8" not in entry:
+        return ""
+    return (
+        f", before the layers {entry['int8']!r} went to 8 bits, which moves disparities by "
+        f"{entry['int8_mean_shift_px']:g} px in the mean of 24 rendered pairs"
+    )
+
+
 def _first_line(text: str) -> str:
     """First line of a module's docstring, without the leading name."""
     what = text.split("\n")[0].split(": ", 1)[1]
@@ -137,6 +147,8 @@ def card(name: str, bench: dict[str, Any], training: Path, models: Path = HERE) 
         sha=entry["sha256"][:16],
         a53="not measured" if a53 is None else f"{a53} M per pair",
         definition=module_of(name).replace(".", "/") + ".py",
+        int8_note=_int8_note(entry),
+        int8_option=f" --int8 '{entry['int8']}'" if "int8" in entry else "",
         steps=f"{entry['training_steps']} steps in {entry['training_minutes']} minutes "
         "on shared CPU cores",
         minutes=round(entry["training_minutes"]),

@@ -4,6 +4,7 @@ Writes `artifacts/<name>.onnx` and its entry in `manifest.toml`. The graph has b
 normalisation folded in and constants computed, in standard operators only (opset 17); it runs on
 any machine. It is written only if ONNX Runtime gives what PyTorch gives. The same weights serve
 other sizes: `--size 640x480` writes `artifacts/<name>-640x480.onnx`, an entry of that name.
+`--int8 context` then puts the layers whose output names match into 8 bits (see `quantise.py`).
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ from torch import nn
 from models import manifest
 from models.networks import NETWORKS, Exported, build, fold_norms
 from models.networks.blocks import INPUT_MEAN, INPUT_SCALE, MAX_DISPARITY
+from models.quantise import mean_shift_px, quantise, rendered_feeds
 from models.train import Order
 
 DEFAULT_SIZE, OPSET = (320, 240), 17  # width, height in px
 TOLERANCE_PX, LARGEST_BYTES = 0.02, 2_000_000
+CALIBRATION_PAIRS = 48  # half of them to calibrate, half to see what changed
 Size = tuple[int, int]
 ARTIFACTS = Path(__file__).resolve().parent / "artifacts"
 
@@ -118,17 +121,25 @@ def onnx_bytes(name: str, network: nn.Module, size: Size = DEFAULT_SIZE) -> byte
 
 def export(
     name: str, weights: Path, training: dict[str, object], out: Path = ARTIFACTS,
-    size: Size = DEFAULT_SIZE,
+    size: Size = DEFAULT_SIZE, int8: str = "", pairs: Path = Path("training/pairs"),
 ) -> Path:  # fmt: skip
     """Export one network and enter it in the manifest beside `out`. Returns the ONNX file.
+
+    `int8` is a pattern of layers for 8 bits ("" for none), calibrated on rendered `pairs`.
 
     Raises ValueError if PyTorch and ONNX Runtime differ or the file is too large.
     """
     network = load_network(name, weights)
     data = onnx_bytes(name, network, size)
     off = parity_px(network, data, size=size)
+    mmac = multiplications(onnx.load_from_string(data)) / 1e6
     if size != DEFAULT_SIZE:
         name = f"{name}-{size[0]}x{size[1]}"
+    if int8:
+        feeds = rendered_feeds(pairs, CALIBRATION_PAIRS)
+        plain, data = data, quantise(data, int8, feeds[: CALIBRATION_PAIRS // 2])
+        shift = mean_shift_px(plain, data, feeds[CALIBRATION_PAIRS // 2 :])
+        training = {**training, "int8": int8, "int8_mean_shift_px": round(shift, 4)}
     if off > TOLERANCE_PX:
         raise ValueError(f"{name}: ONNX Runtime differs from PyTorch by {off:.3f} px")
     if len(data) > LARGEST_BYTES:
@@ -151,7 +162,7 @@ def export(
             "outputs": ["disparity", "confidence"],
             "opset": OPSET,
             "parameters": sum(p.numel() for p in network.parameters()),
-            "mmac": round(multiplications(onnx.load_from_string(data)) / 1e6, 1),
+            "mmac": round(mmac, 1),
             "parity_px": round(off, 6),
             "licence": "MIT",
             **training,
@@ -186,10 +197,11 @@ def main() -> None:
     parser.add_argument("name", choices=sorted(NETWORKS))
     parser.add_argument("--weights", type=Path, help="default: training/<name>/best.pt")
     parser.add_argument("--size", type=_size, default=DEFAULT_SIZE, help="WIDTHxHEIGHT")
+    parser.add_argument("--int8", default="", metavar="PATTERN", help="layers for 8 bits")
     given = parser.parse_args()
     folder = Path("training") / given.name
     weights = given.weights or folder / "best.pt"
-    path = export(given.name, weights, trained(weights.parent), ARTIFACTS, given.size)
+    path = export(given.name, weights, trained(weights.parent), ARTIFACTS, given.size, given.int8)
     print(f"{path}: {path.stat().st_size} bytes")
 
 

@@ -3,8 +3,9 @@
 Keys of a `[[networks]]` table: name, file (relative to the manifest), sha256, bytes, width_px,
 height_px, max_disparity_px, preprocessing, inputs, outputs, opset, parameters, mmac (millions of
 multiply-accumulates per pair), parity_px (largest difference to PyTorch), licence, training_data,
-training_batch, training_rate, training_steps, training_minutes, and a53_minstr (millions of
-executed Cortex-A53 instructions, by `make a53`; absent until measured).
+training_batch, training_rate, training_steps, training_minutes, int8 and int8_mean_shift_px (the
+layers in 8 bits and how far that moves a disparity in the mean; optional), and a53_minstr (millions
+of executed Cortex-A53 instructions, by `make a53`; absent until measured).
 """
 
 from __future__ import annotations

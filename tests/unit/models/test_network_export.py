@@ -3,13 +3,14 @@
 import json
 import tomllib
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 import onnx  # noqa: E402
 
-from models import manifest  # noqa: E402
+from models import manifest, quantise  # noqa: E402
 from models.card import card  # noqa: E402
 from models.export import export, load_network, multiplications, parity_px, trained  # noqa: E402
 from models.networks import build  # noqa: E402
@@ -75,6 +76,23 @@ def test_another_size_of_the_same_weights(exported, tmp_path):
     (entry,) = manifest.read(tmp_path / "manifest.toml")["networks"]
     assert (entry["name"], entry["width_px"], entry["height_px"]) == ("hybrid-160x120", 160, 120)
     assert entry["parity_px"] < 0.02
+
+
+def test_eight_bits_change_little_and_only_the_layers_named(exported):
+    name, _, path = exported
+    if name != "hybrid":
+        pytest.skip("one network is enough")
+    rng = np.random.default_rng(0)
+    eyes = rng.normal(0, 1, (4, 2, 1, 1, 240, 320)).astype(np.float32)
+    feeds = [{"left": e[0], "right": e[1]} for e in eyes]
+    data = path.read_bytes()
+    small = quantise.quantise(data, r"context/blocks", feeds[:2])
+    kinds = [n.op_type for n in onnx.load_from_string(small).graph.node]
+    assert "QuantizeLinear" in kinds and len(small) < len(data)
+    assert 0 < quantise.mean_shift_px(data, small, feeds[2:]) < 0.5
+    assert quantise.mean_shift_px(data, data, feeds[:1]) == 0
+    with pytest.raises(ValueError, match="no layer"):
+        quantise.quantise(data, "nowhere", feeds)
 
 
 def test_manifest_entry_and_card(exported):
