@@ -150,7 +150,7 @@ class Survey:
         distance = mahalanobis(self.ekf, sights, cov)
         if names is None:
             near = distance.min(axis=1)
-            possible = distance < CHI2_2_99 + self._settings.margin  # rivals, too
+            possible = distance < CHI2_2_99
         else:
             known = np.array([landmark.name for landmark in self.known])
             possible = names[:, None] == known[None]
