@@ -66,11 +66,11 @@ matchers in turn in one process. Command: `sweeper bench stereo --pairs DIR --js
 {table}
 
 {verdict}
-
+{more}
 ## Limits
 
 - Made for grey, rectified, horizontal pairs of 240x320 with disparities of 0 to 63 px; nearer
-  things come out too far. What swapped eyes do has not been measured.
+  things come out too far.
 - Trained on rendered pairs for a short time: a first network, not a finished one.
 - Mirrors, glass and large plain walls are guessed from their surroundings.
 """
@@ -127,13 +127,39 @@ def _int8_note(entry: dict[str, Any]) -> str:
     )
 
 
+MORE = {
+    "confidence": "The surest pixels, as many as SGBM keeps (`sweeper bench stereo --confidence`)",
+    "stress": "Disturbed pictures, dense maps, growth in points (`sweeper bench stereo --stress`)",
+    "swapped": "Pixels believed (confidence 0.5 or more), eyes right and swapped (the same)",
+    "rooms": "Rendered rooms through the robot's eyes, 0.5 to 3 m (`python -m models.rooms_check`)",
+}
+
+
+def more_tables(name: str, results: list[dict[str, Any]]) -> str:
+    """Tables of other commands' JSON: the rows of this network and of SGBM."""
+    parts = []
+    for title, rows in ((t, r) for result in results for t, r in result.items() if t in MORE):
+        chosen = [r for r in rows if r["matcher"] in (name, "sgbm")]
+        if not any(r["matcher"] == name for r in chosen):
+            continue
+        keys = list(chosen[0])
+        lines = ["| " + " | ".join(k.replace("_pct", " %").replace("_", " ") for k in keys) + " |"]
+        lines.append("|" + "---|" * len(keys))
+        lines += ["| " + " | ".join(str(r[k]) for k in keys) + " |" for r in chosen]
+        parts.append(f"\n{MORE[title]}:\n\n" + "\n".join(lines) + "\n")
+    return "".join(parts)
+
+
 def _first_line(text: str) -> str:
     """First line of a module's docstring, without the leading name."""
     what = text.split("\n")[0].split(": ", 1)[1]
     return what[0].upper() + what[1:]
 
 
-def card(name: str, bench: dict[str, Any], training: Path, models: Path = HERE) -> str:
+def card(
+    name: str, bench: dict[str, Any], training: Path, models: Path = HERE,
+    more: tuple[dict[str, Any], ...] = (),
+) -> str:  # fmt: skip
     """The text of the card of one network of the manifest."""
     entry = next(
         n for n in manifest.read(models / "manifest.toml")["networks"] if n["name"] == name
@@ -157,6 +183,7 @@ def card(name: str, bench: dict[str, Any], training: Path, models: Path = HERE) 
         pairs=len({(r["family"], r["pair"]) for r in bench["rows"] if r["pair"]}),
         table=_table(bench),
         verdict=_verdict(name, bench),
+        more=more_tables(name, list(more)),
     )
 
 
@@ -164,8 +191,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("name")
     parser.add_argument("--bench", type=Path, required=True, help="JSON of sweeper bench stereo")
+    parser.add_argument("--more", type=Path, nargs="*", default=[], help="JSON of other commands")
     given = parser.parse_args()
-    text = card(given.name, json.loads(given.bench.read_text()), Path("training") / given.name)
+    more = tuple(json.loads(path.read_text()) for path in given.more)
+    bench = json.loads(given.bench.read_text())
+    text = card(given.name, bench, Path("training") / given.name, more=more)
     path = HERE / "artifacts" / f"{given.name}.md"
     path.write_text(text)
     print(path)

@@ -110,7 +110,9 @@ def test_manifest_entry_and_card(exported):
         for m, b in ((name, 20.0), ("sgbm", 10.0))
         for p in (None, "art")
     ]
-    text = card(name, {"rows": rows}, folder, folder)
+    sure = [{"matcher": m, "density_pct": 87.5, "bad2_pct": 3.25} for m in ("sgbm", name, "other")]
+    text = card(name, {"rows": rows}, folder, folder, more=({"confidence": sure},))
+    assert f"| {name} | 87.5 | 3.25 |" in text and "| sgbm | 87.5" in text and "other" not in text
     assert entry["sha256"][:16] in text
     assert "88.9 % (indoor)" in text
     assert "means over 1 pairs" in text
