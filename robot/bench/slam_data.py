@@ -38,9 +38,9 @@ class SurveyData:
     truth_at_m: tuple[float, float] = (0.0, 0.0)  # point of the base that the truth follows
 
 
-# A small differential drive of which only the orders are known, not what the wheels did: a tenth of
-# a metre's way and a fifth of a radian's turn are doubtful. Its camera reads bar codes: their height
-# in the image gives the range, so that the inverse range has a constant error.
+# A small differential drive of which only the orders are known, not what the wheels did: a tenth
+# of a metre's way and a fifth of a radian's turn are doubtful. Its camera reads bar codes: their
+# height in the image gives the range, so that the inverse range has a constant error.
 CREATE = SurveySettings(
     noise=VelocityNoise(0.10, 0.10, 0.20, 0.01),
     range_m=0.02,
