@@ -90,7 +90,7 @@ class Gate:
         if answer is None and scope["type"] == "websocket":
             await self._app(scope, receive, send)
         elif scope["type"] == "websocket":
-            await _hang_up(answer, scope, receive, send)
+            await send({"type": "websocket.close", "code": 1008})  # the client sees a 403
         elif answer is None:
             await self._limited(scope, receive, _dressed(send))
         else:
@@ -226,17 +226,6 @@ def _refuse(status: int, reason: str, headers: dict[str, str] | None = None) -> 
 def _too_large() -> Response:
     reason = f"a body may have {MAX_BODY_BYTES} bytes"
     return _refuse(413, reason, {"connection": "close"})
-
-
-async def _hang_up(answer: Response | None, scope: Scope, receive: Receive, send: Send) -> None:
-    """Refuse a WebSocket with the answer's own status where the server can, else with 403."""
-    if answer is not None and "websocket.http.response" in scope.get("extensions", {}):
-        headers = [*answer.raw_headers]
-        start = {"status": answer.status_code, "headers": headers}
-        await send({"type": "websocket.http.response.start", **start})
-        await send({"type": "websocket.http.response.body", "body": bytes(answer.body)})
-    else:
-        await send({"type": "websocket.close", "code": 1008})
 
 
 def _dressed(send: Send) -> Send:

@@ -37,7 +37,6 @@ class ServeOptions:
     mqtt_tls: bool = False
     mqtt_ca: Path | None = None
     fleet: bool = False
-    quiet: bool = False
 
 
 def keyring(state: Path) -> Keyring:
@@ -81,7 +80,7 @@ def serve(options: ServeOptions, ready: Any = None) -> None:
     address = f"{scheme}://{shown}:{options.port}/?token={keys.new_link()}"
     if ready is not None:
         ready(address)
-    from robot.serve.limits import MAX_CONNECTIONS, PatientProtocol
+    from robot.serve.limits import PatientProtocol
 
     uvicorn.run(
         app,
@@ -94,10 +93,9 @@ def serve(options: ServeOptions, ready: Any = None) -> None:
         loop="asyncio",
         interface="asgi3",
         access_log=False,
-        log_level="error" if options.quiet else "warning",
+        log_level="error",  # who knocks at the door must not fill the card with warnings
         server_header=False,
         proxy_headers=False,
-        limit_concurrency=MAX_CONNECTIONS,
         timeout_graceful_shutdown=2,
         h11_max_incomplete_event_size=16 * 1024,
         ssl_certfile=options.tls_cert,
@@ -138,6 +136,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
     from robot.serve.world import World
 
     logging.basicConfig(format="%(name)s: %(message)s", level=logging.WARNING)
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)
     runtime = Runtime(options.socket, World())
     fleet: dict[str, dict[str, Any]] = {}
     robot = Robot(

@@ -1,0 +1,198 @@
+"""The figures of docs in robot/serve/README.md: `python tests/unit/serve/measure.py`.
+
+A stand-in ticks at 50 Hz in this process, the server is a process of its own as on a robot. Ticks
+are measured alone, then while the server is attacked, in turns: a busy machine disturbs both.
+"""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import numpy as np
+from serving import Served, free_port, wait_for
+from standin import NS, StandIn
+from websockets.sync.client import connect
+
+from robot.serve.keys import Keyring
+
+ROUNDS, ROUND_S = 4, 15.0
+
+
+class Ticking(StandIn):
+    """Measures what each tick costs and how late it begins."""
+
+    def __init__(self, path):
+        super().__init__(path)
+        self.costs, self.lates = [], []
+
+    def run(self):
+        start, tick = time.monotonic(), 0
+        while not self.stopping.is_set():
+            tick += 1
+            due = start + tick * 0.02
+            time.sleep(max(0.0, due - time.monotonic()))
+            begun = time.monotonic()
+            start += max(0.0, begun - due - 0.02)  # a beat that was missed is not made up for
+            self.beat(int((begun - start) * NS), tick)
+            self.costs.append(time.monotonic() - begun)
+            self.lates.append(begun - due)
+
+
+def attackers(server, stop):
+    """100 watching clients, 500 idle sockets, slow readers, 1 GB bodies."""
+    key = {"Authorization": f"Bearer {server.token}"}
+    live = f"ws://127.0.0.1:{server.port}/api/v1/live"
+    held = []
+
+    def watch():
+        try:
+            with connect(live, additional_headers=key) as line:
+                while not stop.is_set():
+                    line.recv(timeout=30)
+        except Exception:
+            return
+
+    def idle():
+        while not stop.is_set():
+            for _ in range(500):
+                try:
+                    held.append(socket.create_connection(("127.0.0.1", server.port), timeout=5))
+                except OSError:
+                    break
+            stop.wait(5)
+            for connection in held:
+                connection.close()
+            held.clear()
+
+    def body():
+        head = (
+            f"POST /api/v1/start HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n"
+            f"Authorization: Bearer {server.token}\r\nContent-Length: 1000000000\r\n\r\n"
+        )
+        while not stop.is_set():
+            try:
+                with socket.create_connection(("127.0.0.1", server.port), timeout=5) as client:
+                    client.sendall(head.encode())
+                    for _ in range(1000):
+                        client.sendall(bytes(1_000_000))
+            except OSError:
+                stop.wait(0.05)
+
+    def slow():
+        try:
+            with connect(live, additional_headers=key, max_queue=1) as line:
+                stop.wait()
+                line.close()
+        except Exception:
+            return
+
+    kinds = [watch] * 100 + [idle] + [body] * 2 + [slow] * 5
+    threads = [threading.Thread(target=kind, daemon=True) for kind in kinds]
+    for thread in threads:
+        thread.start()
+    return threads
+
+
+def attack(url_port, token):
+    """Runs in a process of its own until its standard input closes."""
+    server = Served.__new__(Served)
+    server.port, server.token = url_port, token
+    stop = threading.Event()
+    attackers(server, stop)
+    sys.stdin.read()
+    stop.set()
+
+
+def resident_mb(pid):
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) / 1024
+    return 0.0
+
+
+def main():
+    folder = Path(tempfile.mkdtemp())
+    keys = Keyring(folder / "serve-keys.json")
+    token, port = keys.new_token("measure"), free_port()
+    robot = Ticking(folder / "control.sock")
+    words = ["--socket", str(folder / "control.sock"), "--runs", str(folder), "--port", str(port)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "robot", "serve", *words], stdout=subprocess.DEVNULL
+    )
+    server = Served.__new__(Served)
+    server.port, server.token, server.url = port, token, f"http://127.0.0.1:{port}"
+    figures = {"load_before": os.getloadavg()[0]}
+    try:
+        wait_for(lambda: _connected(server), 120)
+        figures["resident_mb"] = round(resident_mb(process.pid), 1)
+        server.json("/api/v1/start", "POST")
+        figures["command_ms"] = command_ms(server)
+        calm, busy, most_mb = ([], []), ([], []), 0.0
+        for _ in range(ROUNDS):
+            collect(robot, calm)
+            crowd = subprocess.Popen(
+                [sys.executable, __file__, str(port), token], stdin=subprocess.PIPE
+            )
+            time.sleep(4)
+            collect(robot, busy)
+            most_mb = max(most_mb, resident_mb(process.pid))
+            crowd.stdin.close()
+            crowd.wait(timeout=60)
+            time.sleep(2)
+        figures["attacked_resident_mb"] = round(most_mb, 1)
+        for name, index in (("tick_cost_ms", 0), ("tick_late_ms", 1)):
+            for quantile in (50.0, 99.0, 99.9):
+                values = [
+                    round(float(np.percentile(s[index], quantile)) * 1e3, 3) for s in (calm, busy)
+                ]
+                figures[f"{name}_p{quantile:g}_calm_attacked"] = values
+        figures["ticks"] = [len(calm[0]), len(busy[0])]
+    finally:
+        process.terminate()
+        process.wait(timeout=20)
+        robot.close()
+    print(json.dumps(figures, indent=2))
+
+
+def collect(robot, into):
+    robot.costs.clear()
+    robot.lates.clear()
+    time.sleep(ROUND_S)
+    into[0].extend(robot.costs)
+    into[1].extend(robot.lates)
+
+
+def command_ms(server):
+    """From the request to the robot's changed state as a page sees it: median and worst of 20."""
+    key = {"Authorization": f"Bearer {server.token}"}
+    taken = []
+    with connect(f"ws://127.0.0.1:{server.port}/api/v1/live", additional_headers=key) as line:
+        for number in range(20):
+            verb, state = (("pause", "paused"), ("resume", "clean"))[number % 2]
+            begun = time.monotonic()
+            server.json(f"/api/v1/{verb}", "POST")
+            while True:
+                news = line.recv(timeout=10)
+                if isinstance(news, str) and json.loads(news).get("state") == state:
+                    break
+            taken.append((time.monotonic() - begun) * 1e3)
+    return {"median": round(float(np.median(taken)), 1), "worst": round(max(taken), 1)}
+
+
+def _connected(server):
+    try:
+        return server.json("/api/v1/status")[1]["connected"]
+    except OSError:
+        return False
+
+
+if __name__ == "__main__":
+    attack(int(sys.argv[1]), sys.argv[2]) if len(sys.argv) == 3 else main()
