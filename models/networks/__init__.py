@@ -16,6 +16,8 @@ from models.networks.similarity import Similarity
 
 NETWORKS: dict[str, Callable[[], nn.Module]] = {
     "hybrid": Hybrid,
+    # Three blocks of context instead of four, one of refinement instead of two.
+    "hybrid_lean": partial(Hybrid, dilations=(1, 2, 4), refinements=1),
     # For a Pi 4 or 5: every width about doubled.
     "hybrid_m": partial(Hybrid, features=32, half=16, wide=96),
     # Points of the curve of width against accuracy.
@@ -25,6 +27,8 @@ NETWORKS: dict[str, Callable[[], nn.Module]] = {
     "similarity": Similarity,
     "cost_volume": CostVolume,
 }
+
+WIDTHS = ("hybrid_lean", "hybrid_m", "hybrid_s")  # other sizes of `hybrid`, in its file
 
 __all__ = ["NETWORKS", "Estimate", "Exported", "build", "fold_norms", "module_of"]
 
@@ -36,4 +40,4 @@ def build(name: str) -> nn.Module:
 
 def module_of(name: str) -> str:
     """The module that defines a network: other widths of `hybrid` share its file."""
-    return "models.networks." + name.removesuffix("_m").removesuffix("_s")
+    return "models.networks." + ("hybrid" if name in WIDTHS else name)

@@ -123,9 +123,15 @@ def differences(left: Tensor, warped: Tensor) -> Tensor:
 
 
 class Hybrid(nn.Module):
-    """See the list at the top of the file. `wide` sets the width of the context at 1/8."""
+    """See the list at the top of the file. `wide` sets the width of the context at 1/8.
 
-    def __init__(self, features: int = 16, half: int = 8, wide: int = 48) -> None:
+    `dilations` gives its blocks, `refinements` the number of separable blocks before the head.
+    """
+
+    def __init__(
+        self, features: int = 16, half: int = 8, wide: int = 48,
+        dilations: tuple[int, ...] = (1, 2, 4, 1), refinements: int = 2,
+    ) -> None:  # fmt: skip
         super().__init__()
         volume = GROUPS * SHIFTS
         self.stem = conv(1, half, 3, 2)
@@ -136,12 +142,12 @@ class Hybrid(nn.Module):
         self.fine_descriptor = nn.Conv2d(half, FINE, 1)
         self.band = ConvNorm(BandConv3d(GROUPS, 4), 4)
         self.merge = conv(volume + 4 * SHIFTS // 2 + features, 32, 1)
-        self.context = Context(32, wide, 32, (1, 2, 4, 1), 3)
+        self.context = Context(32, wide, 32, dilations, 3)
         self.score = nn.Conv2d(32, SHIFTS, 1)
         self.correct = nn.Conv2d(32, 1, 1)
         self.evidence = conv(half + len(FINE_SHIFTS) + 1, 32, 3, 2)
         self.join = conv(32 + 32, 32, 1)
-        self.refine = nn.Sequential(Separable(32), Separable(32))
+        self.refine = nn.Sequential(*(Separable(32) for _ in range(refinements)))
         self.head = Head(32)
 
     def coarse(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
