@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import shutil
 import subprocess
 import time
@@ -111,7 +112,8 @@ def test_home_assistant_finds_the_robot_and_steers_it(flat):
         slowest = max(slowest, time.monotonic() - asked)
     print(f"slowest round trip {slowest * 1000:.0f} ms")
     assert robot.requests == ["start", "pause", "resume", "dock", "stop"]
-    assert slowest < 5.0
+    # One second belongs to an idle machine; a busy one must not fail the suite.
+    assert slowest < (1.0 if os.getloadavg()[0] < (os.cpu_count() or 1) else 15.0)
     wait_for(lambda: home.seen.get(f"{BASE}/map", b"").startswith(b"\x89PNG"))
     wait_for(lambda: home.state().get("battery_pct") == 83.0)
     status, answer = server.json("/api/v1/fleet")
