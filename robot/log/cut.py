@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mcap.opcode import Opcode
 from mcap.records import Chunk, Message
 from mcap.writer import CompressionType, Writer
 
 from robot.errors import LogError
-from robot.log.chunks import Damage, as_stream, ends_whole, open_chunk, open_log, read_records
 from robot.log.header import METADATA_NAME
 from robot.log.reader import LogReader
-from robot.log.recover import Copier, Recovered
+from robot.log.recover import Copier, Recovered, copy_chunks
 
 NS = 1_000_000_000
 PICTURES = ("/camera/", "/frame/")
@@ -69,27 +67,9 @@ def cut(
         writer.start(profile="sweeper", library=library)
         writer.add_metadata(METADATA_NAME, {**metadata, "extra.cut": f"{start_s} to {end_s} s"})
         cutter = _Cutter(writer, start_s, end_s, pictures=pictures)
-        chunks, problem = _copy(Path(path), cutter)
+        chunks, problem = copy_chunks(Path(path), cutter)
         writer.finish()
     if not cutter.messages:
         Path(out).unlink()
         raise LogError(f"{path}: nothing lies between {start_s} s and {end_s} s; see `log info`.")
     return Recovered(cutter.messages, chunks, cutter.seconds, problem)
-
-
-def _copy(path: Path, cutter: _Cutter) -> tuple[int, str]:
-    chunks = 0
-    with open_log(path) as file:
-        problem = "" if ends_whole(file) else "the file has no end"
-        for record in read_records(file):
-            if record.opcode == Opcode.DATA_END:
-                break
-            if record.opcode != Opcode.CHUNK:
-                continue
-            try:
-                open_chunk(record.content)
-                cutter.chunk(Chunk.read(as_stream(record.content)))
-            except Damage as damage:
-                return chunks, f"{damage}, at byte {record.offset}"
-            chunks += 1
-    return chunks, problem

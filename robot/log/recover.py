@@ -50,14 +50,14 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
         writer = Writer(target, chunk_size=1 << 18, compression=CompressionType.ZSTD)
         writer.start(profile="sweeper", library=library)
         writer.add_metadata(METADATA_NAME, metadata)
-        result = _copy(Path(path), writer)
+        copier = Copier(writer)
+        chunks, problem = copy_chunks(Path(path), copier)
         writer.finish()
-    return result
+    return Recovered(copier.messages, chunks, copier.seconds, problem)
 
 
-def _copy(path: Path, writer: Writer) -> Recovered:
-    """Copy whole chunks until the end or the first damage."""
-    copier = Copier(writer)
+def copy_chunks(path: Path, copier: Copier) -> tuple[int, str]:
+    """Copy whole chunks until the end or the first damage: their count, and what was wrong."""
     chunks = 0
     with open_log(path) as file:
         problem = "" if ends_whole(file) else "the file has no end"
@@ -70,10 +70,9 @@ def _copy(path: Path, writer: Writer) -> Recovered:
                 open_chunk(record.content)
                 copier.chunk(Chunk.read(as_stream(record.content)))
             except Damage as damage:
-                problem = f"{damage}, at byte {record.offset}"
-                break
+                return chunks, f"{damage}, at byte {record.offset}"
             chunks += 1
-    return Recovered(copier.messages, chunks, copier.seconds, problem)
+    return chunks, problem
 
 
 class Copier:
