@@ -2,8 +2,8 @@
 
 It owns no thread and no clock: the caller says `poll(now_ns)` often (50 Hz) and it does what is
 due. It never blocks and never raises on what the line does; everything is counted. States:
-closed (no port) -> greeting (Hello every 100 ms) -> connected -> greeting again when the
-controller falls silent or has forgotten the session -> closed when the port vanishes.
+closed (no port) -> greeting (Hello every 100 ms) -> connected (Keep every 100 ms) -> greeting again
+when the controller falls silent or has forgotten the session -> closed when the port vanishes.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from firmware_bridge.codec import Packet, pack, unpack
 from firmware_bridge.counting import EndlessCounter, LinkCounters
 from firmware_bridge.framing import FrameDecoder, encode_frame
 from firmware_bridge.messages import (
+    FULL_SPEED_MM_S,
     LINK_TIMEOUT_MS,
     PROTOCOL_VERSION,
     Ack,
@@ -26,19 +27,21 @@ from firmware_bridge.messages import (
     Drive,
     Hello,
     HelloAck,
+    Keep,
     Message,
     Power,
     Result,
     Status,
     Stop,
     StopReason,
+    Tune,
     Wheels,
 )
 from firmware_bridge.transport import Transport
 
 MS = 1_000_000
 REOPEN_NS = 250 * MS
-HELLO_NS = 100 * MS
+HELLO_NS = 100 * MS  # between two Hellos, or two Keeps
 RETRY_NS = 60 * MS
 SILENT_NS = LINK_TIMEOUT_MS * MS
 GIVE_UP_NS = 3000 * MS  # a port silent for this long is closed and looked for again
@@ -64,16 +67,24 @@ class _Pending:
     """An order that is said again until it is answered."""
 
     seq: int
-    message: Stop | Clear
+    message: Stop | Clear | Tune
     next_ns: int
     tries: int
 
 
 class Link:
-    """See the module. `first_session` is drawn at random unless given (never 0)."""
+    """See the module. `first_session` is drawn at random unless given (never 0).
+
+    `full_speed_mm_s` is told to the controller whenever a session opens, before anything else.
+    """
 
     def __init__(
-        self, transport: Transport, *, first_session: int | None = None, tap: Tap | None = None
+        self,
+        transport: Transport,
+        *,
+        first_session: int | None = None,
+        tap: Tap | None = None,
+        full_speed_mm_s: int = FULL_SPEED_MM_S,
     ) -> None:
         self._transport = transport
         self._tap = tap
@@ -85,6 +96,8 @@ class Link:
         self._seq = 0
         self._sent_ns: dict[int, int] = {}  # sequence number -> when it was first sent
         self._pending: _Pending | None = None
+        self._tune = Tune(full_speed_mm_s)
+        self._tuning: _Pending | None = None
         self._next_open_ns: int | None = None
         self._next_hello_ns = 0
         self._heard_ns = 0
@@ -114,9 +127,10 @@ class Link:
     def drive(self, now_ns: int, order: Drive) -> bool:
         """Send an order to move; False when it cannot go out now (it is not kept for later).
 
-        While a stop waits for its answer nothing else is ordered.
+        While a stop waits for its answer nothing else is ordered, nor before the motors are known.
         """
-        if not self.connected or (self._pending and isinstance(self._pending.message, Stop)):
+        stopping = self._pending is not None and isinstance(self._pending.message, Stop)
+        if not self.connected or stopping or self._tuning:
             self._counters.unsent += 1
             return False
         return self._send(now_ns, order)
@@ -135,11 +149,10 @@ class Link:
 
     def _order(self, now_ns: int, message: Stop | Clear) -> None:
         self._pending = _Pending(self._next_seq(), message, now_ns, 0)
-        self._retry(now_ns)
+        self._retry(self._pending, now_ns)
 
-    def _retry(self, now_ns: int) -> None:
+    def _retry(self, waiting: _Pending | None, now_ns: int) -> None:
         """Say the waiting order (again) when it is due."""
-        waiting = self._pending
         if waiting is None or not self.connected or now_ns < waiting.next_ns:
             return
         if isinstance(waiting.message, Clear) and waiting.tries >= CLEAR_TRIES:
@@ -210,8 +223,9 @@ class Link:
             return
         if now_ns >= self._next_hello_ns:
             self._next_hello_ns = now_ns + HELLO_NS
-            self._send(now_ns, Hello(PROTOCOL_VERSION))
-        self._retry(now_ns)
+            self._send(now_ns, Keep() if self.connected else Hello(PROTOCOL_VERSION))
+        self._retry(self._tuning, now_ns)
+        self._retry(self._pending, now_ns)
 
     def _lose(self, problem: str) -> None:
         """The session is over; the next Hello proposes another one."""
@@ -220,6 +234,7 @@ class Link:
         self._session = self._session % 65535 + 1
         self._sent_ns.clear()
         self._next_hello_ns = 0
+        self._tuning = None
         if self._pending and isinstance(self._pending.message, Clear):
             self._pending = None  # whoever wants it cleared must see the new reason first
 
@@ -243,7 +258,7 @@ class Link:
             return None
         self._heard_ns = now_ns
         if isinstance(message, HelloAck):
-            self._welcome(message)
+            self._welcome(message, now_ns)
             self._answered(packet.seq, message.time_us, now_ns)
         elif isinstance(message, Ack):
             self._note_latch(message)
@@ -253,10 +268,12 @@ class Link:
             return self._telemetry(message, now_ns)
         return None
 
-    def _welcome(self, ack: HelloAck) -> None:
+    def _welcome(self, ack: HelloAck, now_ns: int) -> None:
         self._note_latch(ack)
         self.controller = ack
         if self.connected:
+            if ack.boot != self._boot:
+                self._lose("the controller has started anew")
             return
         self.connected = True
         self.problem = ""
@@ -266,6 +283,7 @@ class Link:
             self._left.restarted()
             self._right.restarted()
         self._boot = ack.boot
+        self._tuning = _Pending(self._next_seq(), self._tune, now_ns, 0)
 
     def _note_latch(self, message: HelloAck | Ack | Status) -> None:
         known = message.stop_reason in StopReason._value2member_map_
@@ -284,6 +302,8 @@ class Link:
             self._counters.refused += 1
         if self._pending and self._pending.seq == ack.order:
             self._pending = None
+        if self._tuning and self._tuning.seq == ack.order:
+            self._tuning = None
 
     def _telemetry(self, message: Wheels | Contacts | Power | Status, now_ns: int) -> Received:
         t_ns = self._clock.to_host_ns(message.time_us) if self._clock.ready else now_ns

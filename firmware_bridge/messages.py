@@ -21,6 +21,9 @@ WHEELS_PERIOD_MS = 20
 CONTACTS_PERIOD_MS = 20
 STATUS_PERIOD_MS = 200
 POWER_PERIOD_MS = 1000
+FULL_SPEED_MM_S = 600  # of a free wheel at full PWM, until a Tune says otherwise
+MIN_FULL_SPEED_MM_S = 100  # a Tune beyond these is refused
+MAX_FULL_SPEED_MM_S = 2000
 
 CONSTANTS = {
     name: value
@@ -166,9 +169,9 @@ def _message(
 # ---------------------------------------------------------------- orders (answered, each of them)
 
 
-@_message(1, "host", "until answered, then as keep-alive")
+@_message(1, "host", "10 Hz until answered")
 class Hello:
-    """Open the session named in the header, or keep it open."""
+    """Open the session named in the header."""
 
     protocol: Annotated[U8, "PROTOCOL_VERSION"]
 
@@ -194,6 +197,18 @@ class Clear:
     """Clear the stop with this number; any other latched stop stays."""
 
     latch: Annotated[U16, "number of the stop"]
+
+
+@_message(5, "host", "10 Hz in a session")
+class Keep:
+    """Keep the session open; it never opens one, so a controller that was reset is noticed."""
+
+
+@_message(6, "host", "until answered, when a session opens")
+class Tune:
+    """What the motors are: the feed-forward and the gains of the wheel loops follow from it."""
+
+    full_speed_mm_s: Annotated[U16, "mm/s of a free wheel at full PWM"]
 
 
 # ---------------------------------------------------------------- answers and telemetry
@@ -267,7 +282,10 @@ class Status:
 
 
 MAX_BODY_BYTES = 4 + max(spec.size for spec in MESSAGES.values())  # header and fields
-Message = Hello | Drive | Stop | Clear | HelloAck | Ack | Wheels | Contacts | Power | Status
+Message = (
+    Hello | Drive | Stop | Clear | Keep | Tune
+    | HelloAck | Ack | Wheels | Contacts | Power | Status
+)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -51,7 +51,11 @@ class CameraConfig(Section):
     y_m: float = 0.03
     z_m: Positive = 0.09
     pitch_rad: float = 0.0
-    device: str = "0"  # side-by-side camera: number or path
+    source: Literal["uvc", "libcamera", "libcamera-dual", "folder"] = "uvc"
+    device: str = "0"  # number, path or id; "left,right" for libcamera-dual
+    exposure_us: Annotated[int, Meta(ge=0, le=100_000)] = 0  # of both eyes; 0: automatic
+    gain: Annotated[float, Meta(ge=1.0, le=64.0)] = 1.0  # of both eyes, with a fixed exposure
+    timeout_s: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0  # without a frame: start it again
     calibration: str = ""  # ROS camera_info, OpenCV or Kalibr file; empty: already rectified
 
     def stereo_camera(self) -> StereoCamera:
@@ -131,6 +135,9 @@ class SlamConfig(Section):
     landmarks_per_sector: Count = 4
     min_move_m: NotNegative = 0.02  # a frame from the same place teaches nothing
     min_turn_rad: NotNegative = 0.03
+    # finding itself
+    max_places: Count = 4000  # points by which rooms are recognised
+    place_sightings: Count = 6  # of a point before it becomes one
     # health
     degraded_sigma_m: Positive = 0.3  # one sigma of the position along its worse direction
     lost_sigma_m: Positive = 1.0
@@ -202,6 +209,9 @@ class ControlConfig(Section):
     memory_s: Positive = 12.0  # how long a seen obstacle is remembered without being seen again
     free_memory_s: Positive = 4.0  # how long seen free floor is believed to have stayed free
     memory_range_m: Positive = 1.2
+    no_go_margin_m: NotNegative = 0.03  # kept between the footprint and what people forbade
+    wheel_only_mps: Annotated[float, Meta(gt=0.0, le=0.1)] = 0.10  # without sight
+    manual_expires_s: Annotated[float, Meta(gt=0.0, le=0.3)] = 0.3  # the dead man's handle
 
 
 class MissionConfig(Section):
@@ -235,6 +245,7 @@ class LinkConfig(Section):
     baud: Count = 115200
     metres_per_tick: Annotated[float, Meta(gt=0.0, le=0.01)] = 0.0002  # 5000 ticks a metre
     max_wheel_mps: Annotated[float, Meta(gt=0.0, le=0.5)] = 0.5  # rim speed, each wheel
+    full_speed_mps: Annotated[float, Meta(ge=0.1, le=2.0)] = 0.6  # of a free wheel at full power
     battery_empty_v: Positive = 12.0  # 0 % of a pack of four lithium-ion cells
     battery_full_v: Positive = 16.4  # 100 %
 

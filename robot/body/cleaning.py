@@ -94,7 +94,12 @@ def _open_world(options: RunOptions, config: Config) -> Judge:
 
     world = load_scene(options.scene)
     base = SimBase(
-        world, config.robot, config.sim, options.seed, metres_per_tick=config.link.metres_per_tick
+        world,
+        config.robot,
+        config.sim,
+        options.seed,
+        metres_per_tick=config.link.metres_per_tick,
+        full_speed_mps=config.link.full_speed_mps,
     )
     return Judge(world, base, config.robot)
 

@@ -14,13 +14,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from firmware_bridge.host import HostFirmware, HostInputs
-from firmware_bridge.link import Link
 from firmware_bridge.transport import SerialTransport
 from robot.body.base import Recorder
 from robot.body.control import ControlSocket
 from robot.body.eyes import Eyes
 from robot.config import Config
-from robot.hardware.wheels import WheelBridge
+from robot.hardware.wheels import WheelBridge, make_link
 from robot.messages import (
     Command,
     Event,
@@ -74,7 +73,8 @@ class SimulatedBody:
         self._real_time = real_time
         self._end_ns = int(duration_s * NS)
         self._transport = SerialTransport(firmware.port, config.link.baud)
-        self._wheels = WheelBridge(Link(self._transport), config.robot, config.link)
+        link = make_link(self._transport, config.link)
+        self._wheels = WheelBridge(link, config.robot, config.link)
         self._frame_ns = int(NS / config.camera.rate_hz)
         self._arrivals_ns: deque[int] = deque()  # of what the eyes are busy with
         self._planned: deque[tuple[int, Planned]] = deque()

@@ -69,14 +69,14 @@ def confirm(question: str) -> bool:
 
 def _open(config: Config, port: str = "") -> Live:
     """A link by hand. Raises HardwareError when there is no port or another program has it."""
-    from firmware_bridge.link import Link
     from firmware_bridge.live import Live
     from firmware_bridge.transport import SerialTransport
+    from robot.hardware.wheels import make_link
 
     transport = SerialTransport(port or config.link.port, config.link.baud)
     if not transport.open():
         raise HardwareError(transport.problem)
-    return Live(Link(transport))
+    return Live(make_link(transport, config.link))
 
 
 def _config(arguments: argparse.Namespace) -> Config:

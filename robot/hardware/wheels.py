@@ -16,7 +16,7 @@ from firmware_bridge.messages import (
     StopReason,
     Wheels,
 )
-from firmware_bridge.transport import SerialTransport
+from firmware_bridge.transport import SerialTransport, Transport
 from robot.config import LinkConfig, RobotConfig
 from robot.errors import HardwareError
 from robot.messages import (
@@ -42,7 +42,12 @@ def open_wheels(robot: RobotConfig, config: LinkConfig) -> WheelBridge:
     transport = SerialTransport(config.port, config.baud)
     if not transport.open():
         raise HardwareError(transport.problem)
-    return WheelBridge(Link(transport), robot, config)
+    return WheelBridge(make_link(transport, config), robot, config)
+
+
+def make_link(transport: Transport, config: LinkConfig) -> Link:
+    """The link to these motors."""
+    return Link(transport, full_speed_mm_s=round(config.full_speed_mps * 1000))
 
 
 def wheel_speeds(

@@ -15,7 +15,7 @@ from robot.geometry.se2 import SE2, exp
 from robot.sim.collide import inside, nearest
 from robot.sim.world import World
 
-FULL_SPEED_MPS = 0.6  # rim speed at full PWM, what the firmware's feed-forward expects
+FULL_SPEED_MPS = 0.6  # rim speed at full PWM, of ordinary motors
 FRONT_RAD = math.radians(100.0)  # the bumper reaches a little past the sides
 BOTH_SIDES_RAD = math.radians(15.0)
 CLIFF_AHEAD_RAD = (-0.8, -0.3, 0.3, 0.8)  # the four sensors under the front rim
@@ -31,10 +31,18 @@ class SimBase:
     """Deterministic for a seed. Poses are in the scene's coordinates."""
 
     def __init__(
-        self, world: World, robot: RobotConfig, sim: SimConfig, seed: int, *, metres_per_tick: float
+        self,
+        world: World,
+        robot: RobotConfig,
+        sim: SimConfig,
+        seed: int,
+        *,
+        metres_per_tick: float,
+        full_speed_mps: float = FULL_SPEED_MPS,
     ) -> None:
         self._world, self._robot, self._sim = world, robot, sim
         self._metres_per_tick = metres_per_tick
+        self._full_speed_mps = full_speed_mps
         self._rng = np.random.default_rng([seed, 17])
         self._all_segments = world.segments()
         self._segments, self._gathered = self._all_segments, SE2(math.inf, 0.0, 0.0)
@@ -95,7 +103,7 @@ class SimBase:
         """Let `dt_s` pass with the given PWM, -1 to 1."""
         self.t_s += dt_s
         self._draw_slip()
-        target = np.array([left_pwm, right_pwm]) * self._gain * FULL_SPEED_MPS
+        target = np.array([left_pwm, right_pwm]) * self._gain * self._full_speed_mps
         before = self._wheel_mps
         share = 1.0 - math.exp(-dt_s / self._sim.motor_lag_s)
         self._wheel_mps = before + share * (target - before)

@@ -43,7 +43,9 @@ static inline void bench_holds(const struct controller *c)
         MUST(c->left.target_um_s == 0 && c->right.target_um_s == 0);
         MUST(c->brush_pct == 0u && c->fan_pct == 0u);
     }
-    if (c->has_order) {
+    if (!c->has_order) { /* nothing is driven without an order */
+        MUST(c->left.pwm == 0 && c->right.pwm == 0 && c->brush_pct == 0u && c->fan_pct == 0u);
+    } else {
         MUST(labs((long)c->left.target_um_s) <= WIRE_MAX_WHEEL_MM_S * 1000L);
         MUST(labs((long)c->right.target_um_s) <= WIRE_MAX_WHEEL_MM_S * 1000L);
         MUST(c->order_valid_us > 0u && c->order_valid_us <= WIRE_MAX_VALID_FOR_MS * 1000u);

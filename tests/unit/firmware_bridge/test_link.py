@@ -14,10 +14,13 @@ from firmware_bridge.messages import (
     Contacts,
     Drive,
     Hello,
+    HelloAck,
+    Keep,
     Result,
     Status,
     Stop,
     StopReason,
+    Tune,
     Wheels,
 )
 from firmware_bridge.transport import MemoryTransport, memory_pair
@@ -65,10 +68,55 @@ def test_handshake_then_keep_alive(bench: Bench) -> None:
     assert bench.link.controller is not None
     assert bench.link.controller.build == 0xABCD
     assert bench.link.problem == ""
-    before = bench.controller.count(Hello)
+    before = [bench.controller.count(kind) for kind in (Hello, Keep)]
     bench.run(1000)
-    assert 8 <= bench.controller.count(Hello) - before <= 11
+    assert bench.controller.count(Hello) == before[0]
+    assert 8 <= bench.controller.count(Keep) - before[1] <= 11
     assert bench.link.counters.sessions == 1
+
+
+def test_the_motors_are_told_before_anything_moves(bench: Bench) -> None:
+    assert [p.message for p in bench.controller.heard if isinstance(p.message, Tune)] == [Tune(600)]
+    bench.controller.mute = {Tune}
+    bench.link = Link(bench.near, first_session=20, full_speed_mm_s=900)
+    bench.run(300)
+    assert bench.link.connected
+    assert not bench.link.drive(bench.now_ns, GO)
+    assert bench.controller.count(Tune) >= 4
+    bench.controller.mute = set()
+    bench.run(100)
+    assert bench.controller.heard[-1].message != Tune(600)
+    assert bench.link.drive(bench.now_ns, GO)
+    said = bench.controller.count(Tune)
+    bench.run(400)
+    assert bench.controller.count(Tune) == said
+    bench.controller.reset(bench.now_ns)
+    bench.run(400)
+    assert bench.link.connected
+    assert bench.controller.count(Tune) == said + 1  # a new session: told again
+
+
+@pytest.mark.parametrize("waited_ms", [0, 60, 140])
+def test_a_reset_that_nobody_drives_through_is_noticed(bench: Bench, waited_ms: int) -> None:
+    """The controller is back before it was missed: no travel, no clear may leak through."""
+    assert bench.travel(500, 500) == (0, 0)
+    bench.controller.mute = {Clear}
+    bench.link.clear(bench.now_ns)
+    bench.run(waited_ms)
+    bench.controller.mute = set()
+    bench.controller.reset(bench.now_ns)
+    bench.run(700)
+    assert bench.link.connected
+    assert bench.link.counters.sessions == 2
+    assert bench.link.stop_reason == StopReason.RESET  # the clear was for the start before
+    assert bench.travel(7, -7) == (7, -7)
+
+
+def test_a_boot_that_changes_within_a_session_ends_it(bench: Bench) -> None:
+    bench.controller.say(HelloAck(0, 1, 1, 2, 0xABCD, StopReason.RESET, 1))
+    bench.run(20, mcu=False)
+    assert not bench.link.connected
+    assert "anew" in bench.link.problem
 
 
 def test_no_order_goes_out_without_a_session() -> None:

@@ -49,7 +49,8 @@ void controller_receive(struct controller *c, uint8_t byte, uint32_t now_us)
     }
 }
 
-/* An order ends by itself: standing still may just end, moving must not, so that latches. */
+/* An order ends by itself: standing still may just end, moving must not, so that latches. Wheels
+ * that are still slowing down brake: without an order nothing is driven. */
 static void expire(struct controller *c, uint32_t now_us)
 {
     if (c->has_order && ((now_us - c->order_us) >= c->order_valid_us)) {
@@ -60,6 +61,8 @@ static void expire(struct controller *c, uint32_t now_us)
             c->has_order = false;
             c->brush_pct = 0;
             c->fan_pct = 0;
+            wheel_brake(&c->left);
+            wheel_brake(&c->right);
         }
     }
 }

@@ -13,13 +13,11 @@
 #define UM_S_PER_WINDOW_TICK (TICK_UM * INT32_C(1000000) / (INT32_C(10000) * (int32_t)SPEED_WINDOW))
 #define MAX_WINDOW_TICKS INT32_C(2000) /* a faster count is a fault, not a speed */
 #define PWM_MAX INT32_C(1000)
-#define UM_S_PER_PWM INT32_C(600)         /* feed-forward: a free wheel at full PWM does 0.6 m/s */
-#define LEAD_PERIODS INT32_C(7)             /* feed-forward: pushes by the motor's 70 ms lag */
+#define LEAD_PERIODS INT32_C(7)           /* feed-forward: pushes by the motor's 70 ms lag */
 #define SPEED_UP_UM_S INT32_C(15000)      /* slew a period: 1.5 m/s^2 */
 #define SLOW_DOWN_UM_S INT32_C(25000)     /* towards zero: 2.5 m/s^2 */
-#define KP_UM_S_PER_PWM INT32_C(600)        /* proportional: 1.7 permille per mm/s */
 #define INTEGRAL_ONE INT32_C(1024)        /* the integral counts 1/1024 permille */
-#define KI_DIVISOR INT32_C(5)               /* integral: 20 permille per mm/s and second */
+#define KI_GAIN INT32_C(120)              /* integral: 11.7 times the proportional part a second */
 
 /* Reflexes */
 #define STALL_SPEED_UM_S INT32_C(10000)

@@ -12,7 +12,7 @@ static bool in_range(int16_t mm_s)
     return (mm_s <= WIRE_MAX_WHEEL_MM_S) && (mm_s >= -WIRE_MAX_WHEEL_MM_S);
 }
 
-/* A repeated Hello of the open session only keeps it; any other one begins a session without an
+/* A repeated Hello of the open session only keeps it (as Keep does); any other one begins a session without an
  * order, and a machine found moving is stopped and stays so until somebody clears it. */
 static void hello(struct controller *c, const uint8_t *fields, uint8_t seq, uint16_t session,
                   uint32_t now_us)
@@ -86,6 +86,23 @@ static uint8_t clear(struct controller *c, const uint8_t *fields)
     return WIRE_RESULT_OK;
 }
 
+/* Other motors, only between orders: no wheel's loop changes under way. */
+static uint8_t tune(struct controller *c, const uint8_t *fields)
+{
+    struct wire_tune order;
+    wire_unpack_tune(fields, &order);
+    if ((order.full_speed_mm_s < WIRE_MIN_FULL_SPEED_MM_S) ||
+        (order.full_speed_mm_s > WIRE_MAX_FULL_SPEED_MM_S)) {
+        return WIRE_RESULT_OUT_OF_RANGE;
+    }
+    if (c->has_order) {
+        return WIRE_RESULT_BLOCKED;
+    }
+    c->left.um_s_per_pwm = order.full_speed_mm_s; /* mm/s at 1000 permille: um/s a permille */
+    c->right.um_s_per_pwm = order.full_speed_mm_s;
+    return WIRE_RESULT_OK;
+}
+
 void orders_take(struct controller *c, const uint8_t *body, uint8_t length, uint32_t now_us)
 {
     const uint8_t *fields = &body[WIRE_HEADER_SIZE];
@@ -110,6 +127,10 @@ void orders_take(struct controller *c, const uint8_t *body, uint8_t length, uint
         result = stop(c);
     } else if ((id == WIRE_ID_CLEAR) && (size == WIRE_SIZE_CLEAR)) {
         result = clear(c, fields);
+    } else if ((id == WIRE_ID_KEEP) && (size == WIRE_SIZE_KEEP)) {
+        result = WIRE_RESULT_OK;
+    } else if ((id == WIRE_ID_TUNE) && (size == WIRE_SIZE_TUNE)) {
+        result = tune(c, fields);
     } else {
         result = WIRE_RESULT_UNKNOWN;
     }

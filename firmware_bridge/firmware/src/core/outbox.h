@@ -1,7 +1,7 @@
 /* Bytes waiting for the line, in two queues: answers to orders go first, telemetry when there are
  * none; a frame that has begun ends before another one does. One writer (the core), one reader (the
  * board, maybe an interrupt): the indices are single bytes that wrap by themselves, so neither side
- * needs a lock. */
+ * needs a lock; all of it is volatile, so that no byte is written after the index that shows it. */
 #ifndef CORE_OUTBOX_H
 #define CORE_OUTBOX_H
 
@@ -11,7 +11,7 @@
 struct ring {
     volatile uint8_t head;
     volatile uint8_t tail;
-    uint8_t bytes[256];
+    volatile uint8_t bytes[256];
 };
 
 struct outbox {

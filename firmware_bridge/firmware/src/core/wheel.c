@@ -15,6 +15,7 @@ void wheel_start(struct wheel *w, int32_t ticks)
     }
     w->oldest = 0;
     w->speed_um_s = 0;
+    w->um_s_per_pwm = WIRE_FULL_SPEED_MM_S;
     wheel_brake(w);
 }
 
@@ -72,12 +73,13 @@ void wheel_step(struct wheel *w, int32_t ticks)
         return;
     }
     int32_t ahead = w->setpoint_um_s + (moved * LEAD_PERIODS);
-    int32_t wanted = (ahead / UM_S_PER_PWM) + (error / KP_UM_S_PER_PWM) +
+    int32_t wanted = (ahead / w->um_s_per_pwm) + (error / w->um_s_per_pwm) +
                      (w->integral / INTEGRAL_ONE);
     int32_t pwm = clamp(wanted, PWM_MAX);
     /* Anti-windup: while the output is at its end, the integral only moves away from it. */
     if ((wanted == pwm) || ((wanted > pwm) != (error > 0))) {
-        w->integral = clamp(w->integral + (error / KI_DIVISOR), PWM_MAX * INTEGRAL_ONE);
+        int32_t more = (error * KI_GAIN) / w->um_s_per_pwm;
+        w->integral = clamp(w->integral + more, PWM_MAX * INTEGRAL_ONE);
     }
     w->pwm = (int16_t)pwm;
 }

@@ -14,10 +14,11 @@ struct wheel {
     int32_t setpoint_um_s; /* the target after the slew limit */
     int32_t speed_um_s;    /* measured over the last SPEED_WINDOW periods */
     int32_t integral;      /* of the error, in 1/INTEGRAL_ONE permille */
+    int32_t um_s_per_pwm;  /* a free wheel's speed per permille of PWM: what all gains refer to */
     int16_t pwm;
 };
 
-/* Start at this encoder count, at rest. */
+/* Start at this encoder count, at rest, with an ordinary motor. */
 void wheel_start(struct wheel *w, int32_t ticks);
 
 /* Brake now: target, set-point, integral and PWM become zero without a slew. */

@@ -17,6 +17,9 @@
 #define WIRE_CONTACTS_PERIOD_MS INT32_C(20)
 #define WIRE_STATUS_PERIOD_MS INT32_C(200)
 #define WIRE_POWER_PERIOD_MS INT32_C(1000)
+#define WIRE_FULL_SPEED_MM_S INT32_C(600)
+#define WIRE_MIN_FULL_SPEED_MM_S INT32_C(100)
+#define WIRE_MAX_FULL_SPEED_MM_S INT32_C(2000)
 
 /* Why the controller is latched; the names in lower case are what people and logs see. */
 #define WIRE_STOP_REASON_NONE 0u
@@ -61,7 +64,7 @@
 #define WIRE_BOARD_HOST 1u
 #define WIRE_BOARD_ATMEGA328P 2u
 
-/* Open the session named in the header, or keep it open. */
+/* Open the session named in the header. */
 #define WIRE_ID_HELLO 1u
 #define WIRE_SIZE_HELLO 1u
 struct wire_hello {
@@ -104,6 +107,21 @@ struct wire_clear {
 static inline void wire_unpack_clear(const uint8_t *in, struct wire_clear *m)
 {
     m->latch = (uint16_t)((uint16_t)in[0] | ((uint16_t)in[1] << 8));
+}
+
+/* Keep the session open; it never opens one, so a controller that was reset is noticed. */
+#define WIRE_ID_KEEP 5u
+#define WIRE_SIZE_KEEP 0u
+
+/* What the motors are: the feed-forward and the gains of the wheel loops follow from it. */
+#define WIRE_ID_TUNE 6u
+#define WIRE_SIZE_TUNE 2u
+struct wire_tune {
+    uint16_t full_speed_mm_s; /* mm/s of a free wheel at full PWM */
+};
+static inline void wire_unpack_tune(const uint8_t *in, struct wire_tune *m)
+{
+    m->full_speed_mm_s = (uint16_t)((uint16_t)in[0] | ((uint16_t)in[1] << 8));
 }
 
 /* Who answers; the session in the header is open, or 0 when the protocol differs. */

@@ -8,13 +8,17 @@
 #include "wire/messages.h"
 
 #define CHANNELS 6u
+#define STALE_READS 10u /* a round takes 0.6 ms; so many reads without one: the ADC is dead */
 #define CLIFF_ABOVE 600u   /* no echo: the phototransistor's pull-up wins, as with a broken wire */
 #define BATTERY_FULL_MV 25000u /* 5 V behind a divider by 5 */
 #define CURRENT_FULL_MA 10000u /* 5 V behind a shunt amplifier of 0.5 V/A */
 
 static const uint8_t channels[CHANNELS] = {0, 1, 2, 3, ADC_BATTERY, ADC_CURRENT};
 static volatile uint16_t samples[CHANNELS];
+static volatile uint8_t rounds; /* wraps */
 static uint8_t at;
+static uint8_t rounds_read;
+static uint8_t stale_reads;
 
 static void convert(uint8_t channel)
 {
@@ -26,7 +30,11 @@ static void convert(uint8_t channel)
 static void collect(void)
 {
     samples[at] = ADC;
-    at = (uint8_t)((at + 1u) % CHANNELS);
+    at++;
+    if (at == CHANNELS) {
+        at = 0;
+        rounds++;
+    }
     convert(channels[at]);
 }
 
@@ -57,6 +65,20 @@ static uint16_t sample(uint8_t which)
         value = samples[which];
     }
     return value;
+}
+
+bool analog_alive(void)
+{
+    uint8_t now = rounds;
+    if (now != rounds_read) {
+        rounds_read = now;
+        stale_reads = 0;
+    } else if (stale_reads < STALE_READS) {
+        stale_reads++;
+    } else {
+        /* it stays dead until a round is made */
+    }
+    return stale_reads < STALE_READS;
 }
 
 uint8_t analog_cliffs(void)

@@ -116,6 +116,12 @@ void hal_read(struct inputs *in)
     in->contacts = (uint8_t)(switches() | analog_cliffs());
     in->battery_mv = analog_battery_mv();
     in->current_ma = analog_current_ma();
+    if (!analog_alive()) { /* old samples are none: cliffs all around and no battery */
+        in->contacts = (uint8_t)(in->contacts | WIRE_CONTACT_BIT_CLIFF_LEFT |
+                                 WIRE_CONTACT_BIT_CLIFF_FRONT_LEFT |
+                                 WIRE_CONTACT_BIT_CLIFF_FRONT_RIGHT | WIRE_CONTACT_BIT_CLIFF_RIGHT);
+        in->battery_mv = 0;
+    }
 }
 
 void hal_idle(void)
