@@ -167,10 +167,8 @@ def mahalanobis(
 ) -> np.ndarray:
     """Squared Mahalanobis distances (m, n) of sights (m, 2), with `cov`, to all landmarks."""
     predicted, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks())
-    n = len(predicted)
-    cross = ekf.P[POSE, FIRST_LANDMARK:].reshape(3, n, 2).transpose(1, 0, 2)
-    mixed = by_pose @ cross @ by_point.transpose(0, 2, 1)
-    spread = by_pose @ ekf.P[POSE, POSE] @ by_pose.transpose(0, 2, 1)
+    mixed = by_pose @ ekf.pose_covs() @ by_point.transpose(0, 2, 1)
+    spread = by_pose @ ekf.head()[POSE, POSE] @ by_pose.transpose(0, 2, 1)
     spread += mixed + mixed.transpose(0, 2, 1)
     place = ekf.landmark_covs()
     if loose_m is not None:

@@ -5,8 +5,10 @@ This is the only file that knows filterpy's inside. State, in order:
     pose (x_m, y_m, yaw_rad) | calibration (4 of the motion model)
     | marker (x_m, y_m, yaw_rad) | landmarks (x_m, y_m) ...
 
-A motion changes three rows and columns of the covariance and a measurement reads a handful of
-columns, so a predict costs O(n) and an update O(n^2) where the dense ones cost O(n^3).
+A motion changes three rows of the covariance and a measurement reads a handful, so a predict costs
+O(n) and an update O(n^2) where the dense ones cost O(n^3). A symmetric matrix is told by its upper
+half: the steps write nothing else, in place, in a store with room for a few landmarks more, whose
+unused rows are zero. Who reads `P` gets the lower half filled in first.
 EKF-SLAM: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), chapter 10.
 
 A plain EKF linearises the same landmark about ever new estimates, and so believes to have learned
@@ -17,29 +19,55 @@ SLAM algorithm with consistency properties" (2015), in the coordinates of the pl
 
 from __future__ import annotations
 
-import math
+import cmath
+import copy
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
+from scipy.linalg.blas import dsyr2, dsyrk, dtrsm, dtrsv
+from scipy.linalg.lapack import dpotrf
 
-from robot.geometry.se2 import exp, wrap_angle
+from robot.geometry.se2 import wrap_angle
 
 POSE, CALIBRATION, MARKER = slice(0, 3), slice(3, 7), slice(7, 10)
 FIRST_LANDMARK = 10
 YAW, MARKER_YAW = 2, 9
+_MOVED_BY = slice(0, 7)  # what a motion reads: pose and calibration
+_HEAD = slice(0, FIRST_LANDMARK)
+_BELOW = np.tri(FIRST_LANDMARK, k=-1, dtype=bool)
+_SPARE = 32  # entries of room for new landmarks
 
 
 class LandmarkFilter(ExtendedKalmanFilter):
     """Pose, calibration, one marker and any number of landmarks; `x` is (n,), `P` (n, n)."""
+
+    dim_x: int
+    _stale: bool
 
     def __init__(self, sigma: np.ndarray, invariant: bool = False) -> None:
         """Start at zero with standard deviations `sigma` (10,), uncorrelated."""
         super().__init__(dim_x=FIRST_LANDMARK, dim_z=2)
         self.x = np.zeros(FIRST_LANDMARK)
         self.P = np.diag(np.asarray(sigma, dtype=float) ** 2)
-        self.Q = np.zeros((FIRST_LANDMARK, FIRST_LANDMARK))
         self._invariant = invariant
-        self._resized()
+
+    @property
+    def P(self) -> np.ndarray:
+        """Covariance (n, n), a view; what is written into it must be symmetric."""
+        n = self.dim_x
+        if self._stale:
+            upper = np.triu(self._store[:n, :n], 1)
+            diagonal = self._store.diagonal()[:n].copy()
+            np.add(upper, upper.T, out=self._store[:n, :n])
+            self._store[np.arange(n), np.arange(n)] = diagonal
+            self._stale = False
+        return self._store[:n, :n]
+
+    @P.setter
+    def P(self, cov: np.ndarray) -> None:
+        self._store = _roomy(cov, len(cov) + _SPARE)
+        self._stale = False
+        self.dim_x = len(cov)
 
     @property
     def count(self) -> int:
@@ -51,15 +79,34 @@ class LandmarkFilter(ExtendedKalmanFilter):
         """What the motion model must correct (4,), a view."""
         return self.x[CALIBRATION]
 
+    def head(self) -> np.ndarray:
+        """Covariance (10, 10) of pose, calibration and marker, a view; cheaper than P's corner."""
+        corner = self._store[_HEAD, _HEAD]
+        np.copyto(corner, corner.T, where=_BELOW)
+        return corner
+
     def landmarks(self) -> np.ndarray:
         """Positions (m, 2), a copy."""
         return self.x[FIRST_LANDMARK:].reshape(-1, 2).copy()
 
     def landmark_covs(self) -> np.ndarray:
         """Covariances (m, 2, 2)."""
-        i = FIRST_LANDMARK + 2 * np.arange(self.count)
-        index = i[:, None] + np.arange(2)
-        return self.P[index[:, :, None], index[:, None, :]]
+        first = np.arange(FIRST_LANDMARK, self.dim_x, 2)
+        covs = np.empty((len(first), 2, 2))
+        covs[:, 0, 0], covs[:, 1, 1] = self._store[first, first], self._store[first + 1, first + 1]
+        covs[:, 0, 1] = covs[:, 1, 0] = self._store[first, first + 1]
+        return covs
+
+    def pose_covs(self) -> np.ndarray:
+        """Covariances (m, 3, 2) of the pose with each landmark."""
+        rows = self._store[POSE, FIRST_LANDMARK : self.dim_x]
+        return rows.reshape(3, -1, 2).transpose(1, 0, 2)
+
+    def clone(self) -> LandmarkFilter:
+        """The same filter with a state of its own."""
+        twin = copy.copy(self)
+        twin.x, twin._store = self.x.copy(), self._store.copy()
+        return twin
 
     def predict(  # type: ignore[override]
         self,
@@ -74,28 +121,40 @@ class LandmarkFilter(ExtendedKalmanFilter):
 
         Equal to filterpy's dense predict with F and Q filled with the same blocks.
         """
-        rows = by_pose @ self.P[POSE] + by_calibration @ self.P[CALIBRATION]
-        corner = rows[:, POSE] @ by_pose.T + rows[:, CALIBRATION] @ by_calibration.T + noise
-        self.P[POSE] = rows
-        self.P[:, POSE] = rows.T
-        self.P[POSE, POSE] = 0.5 * (corner + corner.T)
-        diagonal = np.arange(CALIBRATION.start, CALIBRATION.stop)
-        self.P[diagonal, diagonal] += calibration_noise
+        head = self.head()
+        motion = np.concatenate([by_pose, by_calibration], axis=1)
+        rows = motion @ self._store[_MOVED_BY]
+        corner = rows[:, _MOVED_BY] @ motion.T + noise
+        self._store[POSE] = rows
+        head[POSE, POSE] = 0.5 * (corner + corner.T)
+        np.einsum("ii->i", head[CALIBRATION, CALIBRATION])[:] += calibration_noise
         self.x[POSE] = pose
+        self._stale = True
 
     def innovation(
         self, columns: np.ndarray, jacobian: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """H P (m r, n) and H P H^T (m r, m r) of m measurements of r rows each.
+        """H P (m r, n or more) and H P H^T (m r, m r) of m measurements of r rows each.
 
         `columns` (m, k) are the state entries a measurement depends on, `jacobian` (m, r, k) its
-        derivatives by them.
+        derivatives by them. H P has zeros beyond the state's size.
         """
         m, r, _ = jacobian.shape
-        hp = (jacobian @ self.P[columns]).reshape(m * r, self.dim_x)
+        hp = (jacobian @ self._rows(columns)).reshape(m * r, len(self._store))
         blocks = hp[:, columns].transpose(1, 0, 2) @ jacobian.transpose(0, 2, 1)  # (m, m r, r)
         hph = blocks.transpose(1, 0, 2).reshape(m * r, m * r)
         return hp, 0.5 * (hph + hph.T)
+
+    def _rows(self, columns: np.ndarray) -> np.ndarray:
+        """Rows (m, k, width) of the whole covariance for the entries `columns` (m, k)."""
+        self.head()
+        rows: np.ndarray = self._store[columns]
+        width = len(self._store)
+        flat = rows.reshape(-1, width)
+        for i, entry in enumerate(columns.reshape(-1).tolist()):
+            if entry >= FIRST_LANDMARK:  # of the others the head has the rest
+                flat[i, :entry] = self._store[:entry, entry]
+        return rows
 
     def update(  # type: ignore[override]
         self,
@@ -107,79 +166,74 @@ class LandmarkFilter(ExtendedKalmanFilter):
     ) -> None:
         """Take in m measurements at once: `residual` (m, r), `noise` (m, r, r).
 
-        `prepared` is what `innovation` gave for the same `columns` and `jacobian`.
-        Same posterior as filterpy's dense Joseph-form update, in the form P - W W^T with
-        W = P H^T L^-T and L L^T = S, which keeps P symmetric to the last bit.
+        `prepared` is what `innovation` gave for the same `columns` and `jacobian`; it is used up.
+        Same posterior as filterpy's dense Joseph-form update, in the form P - W^T W with
+        W = L^-1 H P and L L^T = S. Raises LinAlgError where S is not positive definite.
         """
-        hp, hph = self.innovation(columns, jacobian) if prepared is None else prepared
+        hp, spread = self.innovation(columns, jacobian) if prepared is None else prepared
         m, r = residual.shape
-        spread = hph.copy()
-        for i in range(m):
-            spread[r * i : r * i + r, r * i : r * i + r] += noise[i]
-        lower = np.linalg.cholesky(spread)
-        solved = np.linalg.solve(lower, np.column_stack([residual.reshape(-1), hp]))
-        whitened, w_t = solved[:, 0], solved[:, 1:]
-        change = whitened @ w_t
+        np.einsum("iaib->iab", spread.reshape(m, r, m, r))[:] += noise
+        lower, failed = dpotrf(spread, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("the innovation's covariance is not positive definite")
+        # BLAS counts columns first: to it every matrix here is transposed, and the upper half lower
+        white = dtrsm(1.0, lower, hp.T, side=1, lower=1, trans_a=1, overwrite_b=1)
+        change = white @ dtrsv(lower, residual.reshape(-1), lower=1)
+        dsyrk(-1.0, white, beta=1.0, c=self._store.T, lower=1, overwrite_c=1)
         if self._invariant:
-            swing = self._turn_positions(change)
-            row = self.P[YAW] - w_t[:, YAW] @ w_t
-            more, less = _halves(swing, row + (0.5 * row[YAW]) * swing)
-            w_t = np.vstack([w_t, less])
-            self.P += np.outer(more, more)
-        else:
-            self.x = self.x + change
-        self.P -= w_t.T @ w_t
+            self._turn_positions(change)
+        self.x = self.x + change[: self.dim_x]
         self._wrap()
+        self._stale = True
 
-    def _turn_positions(self, change: np.ndarray) -> np.ndarray:
-        """Apply a correction (n,), turning all positions together; returns their swing (n,).
+    def _turn_positions(self, change: np.ndarray) -> None:
+        """Make the correction (n or more,) turn all positions together, and P with them.
 
-        With xi = (turn, shift of each position) and J the quarter turn, a position p becomes
-        exp(xi) p, where shift = change - J p turn. Its error is shift + J p turn, so that the
-        covariance must follow p: P becomes (I + s e^T) P (I + e s^T), where the swing s is J times
-        the way that each position went, and e picks the heading.
+        With xi = (turn, shift of each position), positions as complex numbers p and the change c
+        that the gain gives, a position becomes exp(xi) p, where shift = c - i p turn; that is
+        p + c (exp(i turn) - 1) / (i turn). Its error is shift + i p turn, so that the covariance
+        must follow p: P becomes (I + s e^T) P (I + e s^T), where the swing s is i times the way
+        that each position went, and e picks the heading.
         """
-        turn = float(change[YAW])
-        index = self._positions()
-        before = self.x[index]
-        shift = change[index] - turn * np.stack([-before[:, 1], before[:, 0]], axis=1)
-        a, b = _arc(turn)
-        shifted = np.stack(
-            [a * shift[:, 0] - b * shift[:, 1], b * shift[:, 0] + a * shift[:, 1]], axis=1
-        )
-        self.x = self.x + change
-        self.x[index] = exp(0.0, 0.0, turn).apply(before) + shifted
-        moved = self.x[index] - before
-        swing = np.zeros(self.dim_x)
-        swing[index] = np.stack([-moved[:, 1], moved[:, 0]], axis=1)
-        return swing
+        turn = 1j * float(change[YAW])
+        bend = (cmath.exp(turn) - 1.0) / turn if abs(turn) > 1e-6 else 1.0 + 0.5 * turn
+        swing = np.zeros_like(change)
+        for part in (slice(0, 2), MARKER, slice(FIRST_LANDMARK, None)):
+            moved = change[part][: len(change[part]) // 2 * 2].view(complex)
+            moved *= bend
+            swing[part][: 2 * len(moved)].view(complex)[:] = 1j * moved
+        yaw = self.head()[YAW, YAW]
+        row = self._store[YAW] + (0.5 * yaw) * swing
+        dsyr2(1.0, swing, row, a=self._store.T, lower=1, overwrite_a=1)
 
-    def _positions(self) -> np.ndarray:
-        """Indices (1 + 1 + m, 2) of the entries that are x and y."""
-        first = np.arange(FIRST_LANDMARK, self.dim_x, 2)
-        first = np.concatenate([[POSE.start, MARKER.start], first])
-        return first[:, None] + np.arange(2)
+    def put(self, pose: np.ndarray, cov: np.ndarray) -> None:
+        """Put the robot to `pose` (3,) with covariance `cov` (3, 3), known from elsewhere."""
+        self.x[POSE] = pose
+        self.P[POSE] = 0.0
+        self.P[:, POSE] = 0.0
+        self.P[POSE, POSE] = cov
 
     def inflate(self, cov: np.ndarray) -> None:
         """Add `cov` (3, 3) to the pose's covariance: motion the odometry did not feel."""
-        self.P[POSE, POSE] += cov
+        self._store[POSE, POSE] += cov
 
     def loosen(self, landmark: np.ndarray, sigma_m: np.ndarray) -> None:
         """Let the landmarks of the indices (p,) have moved by `sigma_m` (p,) either way."""
         first = FIRST_LANDMARK + 2 * landmark
         for index in (first, first + 1):
-            self.P[index, index] += sigma_m**2
+            self._store[index, index] += sigma_m**2
 
     def place_marker(
         self, marker: np.ndarray, by_pose: np.ndarray, by_seen: np.ndarray, noise: np.ndarray
     ) -> None:
         """Set the marker (3,) from a first sight, with Jacobians by the pose and the sight."""
         self.x[MARKER] = marker
-        cross = by_pose @ self.P[POSE]
+        cov = self.P
+        cross = by_pose @ cov[POSE]
         corner = cross[:, POSE] @ by_pose.T + by_seen @ noise @ by_seen.T
-        self.P[MARKER] = cross
-        self.P[:, MARKER] = cross.T
-        self.P[MARKER, MARKER] = 0.5 * (corner + corner.T)
+        cov[MARKER] = cross
+        cov[:, MARKER] = cross.T
+        cov[MARKER, MARKER] = 0.5 * (corner + corner.T)
         self._wrap()
 
     def add(
@@ -190,53 +244,44 @@ class LandmarkFilter(ExtendedKalmanFilter):
         `position` (m, 2); `by_pose` (m, 2, 3) and `by_seen` (m, 2, 2) are its derivatives by the
         pose and by the sight, whose covariance is `noise` (m, 2, 2).
         """
-        n, m = self.dim_x, len(position)
+        m = len(position)
+        self.head()
         swing = by_pose.reshape(2 * m, 3)
-        cross = swing @ self.P[POSE]
+        cross = swing @ self._store[POSE, : self.dim_x]
         corner = cross[:, POSE] @ swing.T
         own = by_seen @ noise @ by_seen.transpose(0, 2, 1)
-        for i in range(m):
-            corner[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += own[i]
-        grown = np.empty((n + 2 * m, n + 2 * m))
-        grown[:n, :n] = self.P
-        grown[n:, :n] = cross
-        grown[:n, n:] = cross.T
-        grown[n:, n:] = 0.5 * (corner + corner.T)
-        self.P = grown
+        np.einsum("iaib->iab", corner.reshape(m, 2, m, 2))[:] += own
+        self.append(position, cross, corner)
+
+    def append(self, position: np.ndarray, cross: np.ndarray, corner: np.ndarray) -> None:
+        """Append m landmarks at `position` (m, 2) with covariance `corner` (2 m, 2 m), and `cross`
+        (2 m, n) with the state so far."""
+        n, end = self.dim_x, self.dim_x + 2 * len(position)
+        if end > len(self._store):
+            self._store = _roomy(self._store, end + _SPARE)
+        self._store[:n, n:end] = cross.T
+        self._store[n:end, n:end] = 0.5 * (corner + corner.T)
         self.x = np.concatenate([self.x, position.reshape(-1)])
-        self._resized()
+        self.dim_x, self._stale = end, True
 
     def keep(self, kept: np.ndarray) -> None:
         """Marginalise all landmarks but those of the indices `kept`, which are renumbered."""
         entries = FIRST_LANDMARK + (2 * kept[:, None] + np.arange(2)).reshape(-1)
         index = np.concatenate([np.arange(FIRST_LANDMARK), entries]).astype(int)
-        self.x = self.x[index]
-        self.P = np.ascontiguousarray(self.P[np.ix_(index, index)])
-        self._resized()
+        self.x, self.P = self.x[index], self.P[np.ix_(index, index)]
+
+    def prepare_dense(self) -> None:
+        """Bring filterpy's other matrices to the state's size: its own steps need them."""
+        self.F = self._I = np.eye(self.dim_x)
+        self.Q = np.zeros((self.dim_x, self.dim_x))
 
     def _wrap(self) -> None:
         self.x[YAW] = wrap_angle(float(self.x[YAW]))
         self.x[MARKER_YAW] = wrap_angle(float(self.x[MARKER_YAW]))
 
-    def _resized(self) -> None:
-        """Keep filterpy's other matrices of the state's size, so that its dense steps work."""
-        self.dim_x = len(self.x)
-        self.F = self._I = np.eye(self.dim_x)
-        self.Q = np.zeros((self.dim_x, self.dim_x))
 
-
-def _arc(turn_rad: float) -> tuple[float, float]:
-    """sin(t) / t and (1 - cos(t)) / t."""
-    if abs(turn_rad) < 1e-6:
-        return 1.0 - turn_rad * turn_rad / 6.0, 0.5 * turn_rad
-    return math.sin(turn_rad) / turn_rad, (1.0 - math.cos(turn_rad)) / turn_rad
-
-
-def _halves(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """u and v with u u^T - v v^T = a b^T + b a^T, which is symmetric to the last bit."""
-    size_a, size_b = float(np.linalg.norm(a)), float(np.linalg.norm(b))
-    if size_a == 0.0 or size_b == 0.0:
-        return np.zeros_like(a), np.zeros_like(b)
-    balance = math.sqrt(size_b / size_a)
-    a, b = a * (balance / math.sqrt(2.0)), b / (balance * math.sqrt(2.0))
-    return a + b, a - b
+def _roomy(cov: np.ndarray, size: int) -> np.ndarray:
+    """`cov` in the corner of a matrix (size, size) of zeros."""
+    store = np.zeros((size, size))
+    store[: len(cov), : len(cov)] = cov
+    return store

@@ -11,7 +11,9 @@ from robot.config import RobotConfig, SlamConfig
 from robot.geometry.se2 import SE2, exp
 from robot.messages import ImuSample, PoseEstimate, Seen, WheelTravel
 from robot.slam.catalogue import collect
+from robot.slam.finding import FAMILIAR_NS, FOUND_COV, SelfFinder
 from robot.slam.history import Mark, PoseHistory
+from robot.slam.memory import SlamMemory, remember, restore
 from robot.slam.motion import compose
 from robot.slam.odometry import Odometry
 
@@ -24,7 +26,10 @@ _START_SIGMA = 1e-4  # m and rad: the start defines the frame
 class Slam:
     """EKF-SLAM in the frame where the robot started. Pure: fed by events, asked by time."""
 
-    def __init__(self, config: SlamConfig, robot: RobotConfig) -> None:
+    def __init__(
+        self, config: SlamConfig, robot: RobotConfig, memory: SlamMemory | None = None
+    ) -> None:
+        """With `memory` the robot knows a map, but not where in it it stands: see `put`."""
         from robot.slam.calibration import Calibrator
         from robot.slam.ekf import LandmarkFilter  # filterpy takes a second to import
         from robot.slam.landmark_map import LandmarkMap
@@ -34,6 +39,10 @@ class Slam:
         sigma = [_START_SIGMA] * 3 + [config.gyro_bias_sigma_radps, scale, scale, track]
         self._ekf = LandmarkFilter(np.array(sigma + [_MARKER_SIGMA] * 3), config.invariant)
         self._map = LandmarkMap(config, self._ekf)
+        self._finder = SelfFinder(config, None if memory is None else memory.places)
+        if memory is not None:
+            restore(memory, self._ekf, self._map)
+            self._finder.lose()
         self._odometry = Odometry(config, robot)
         self._calibrator = Calibrator(config, robot, self._ekf)
         self._history = PoseHistory()
@@ -62,14 +71,17 @@ class Slam:
             self._start(seen.t_ns)
         elif seen.t_ns > self._mark.t_ns:
             self._advance(seen.t_ns, seen)
-            self._correct(seen)
+            if self._finder.lost:
+                self._search(seen)
+            else:
+                self._correct(seen)
             self._remember()
         return self.pose_at(seen.t_ns)
 
     def pose_at(self, t_ns: int) -> PoseEstimate:
         """Pose at any time: past ones from the history, later ones by odometry since the frame."""
         if self._mark is None:
-            return self._estimate(t_ns, SE2(), self._ekf.P[:3, :3].copy())
+            return self._estimate(t_ns, SE2(), self._ekf.head()[:3, :3].copy())
         if t_ns <= self._mark.t_ns:
             return self._estimate(t_ns, *self._history.at(t_ns))
         interval = self._odometry.since(self._mark, t_ns, self._ekf.calibration)
@@ -79,13 +91,38 @@ class Slam:
         increment = interval.increment
         end, by_pose, by_increment = compose(self._ekf.x[:3], increment.previous_from_current)
         jacobian = np.hstack([by_pose, by_increment @ increment.calibration_jacobian])
-        cov = jacobian @ self._ekf.P[:7, :7] @ jacobian.T
+        cov = jacobian @ self._ekf.head()[:7, :7] @ jacobian.T
         cov += by_increment @ increment.cov @ by_increment.T
         return self._estimate(t_ns, SE2(*end.tolist()), cov)
 
     def landmarks(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions (n, 2) in `world` and covariances (n, 2, 2) of the landmarks in the filter."""
         return self._ekf.landmarks(), self._ekf.landmark_covs()
+
+    def put(self, pose: SE2, cov: np.ndarray) -> None:
+        """Somebody knows where the robot is now (on the dock): `pose`, covariance (3, 3)."""
+        self._ekf.put(np.array([pose.x_m, pose.y_m, pose.yaw_rad]), cov)
+        self._history.clear()
+        if self._mark is not None:
+            self._finder.found(self._mark.t_ns)
+            self._remember()
+        else:
+            self._finder.found(0)
+
+    def lift(self) -> None:
+        """The robot hangs in the air: wherever it is put down, its pose is unknown."""
+        self._finder.lose()
+
+    def memory(self) -> SlamMemory:
+        """All that another run can begin with."""
+        return remember(self._ekf, self._map, self._finder.places.points)
+
+    def _search(self, seen: Seen) -> None:
+        """Lost: no correction by landmarks until places tell the pose for certain."""
+        pose = self._finder.search(seen)
+        if pose is not None:
+            self._map.move_on(self._finder.sure_ns or 0)
+            self.put(pose, FOUND_COV)
 
     def _start(self, t_ns: int) -> None:
         self._mark = self._odometry.buffer.mark(t_ns)
@@ -108,6 +145,7 @@ class Slam:
             np.array([self._config.gyro_bias_walk**2 * span_s, 0.0, 0.0, 0.0]),
         )
         self._calibrator.learn(interval)
+        self._finder.moved(increment.previous_from_current)
         x, y, yaw = increment.previous_from_current.log()
         self._twist = (x / span_s, y / span_s, yaw / span_s)
         self._ahead_m += x
@@ -128,17 +166,20 @@ class Slam:
             )
             self._map.correct(observations, seen.t_ns, self._ahead_m)
             self._ahead_m = self._moved_m = self._turned_rad = 0.0
+            familiar = self._map.familiar(seen.t_ns, FAMILIAR_NS)
+            pose = SE2(*self._ekf.x[:3].tolist())
+            self._finder.judge(seen, familiar, pose, self._ekf.head()[:3, :3])
 
     def _remember(self) -> None:
         assert self._mark is not None
         pose = SE2(*self._ekf.x[:3].tolist())
-        self._history.append(self._mark.t_ns, pose, self._ekf.P[:3, :3].copy())
+        self._history.append(self._mark.t_ns, pose, self._ekf.head()[:3, :3].copy())
 
     def _estimate(self, t_ns: int, pose: SE2, cov: np.ndarray) -> PoseEstimate:
         cov = 0.5 * (cov + cov.T)
         sigma_m = math.sqrt(max(float(np.linalg.eigvalsh(cov[:2, :2])[-1]), 0.0))
         health: Literal["ok", "degraded", "lost"] = "ok"
-        if sigma_m > self._config.lost_sigma_m:
+        if self._finder.lost or sigma_m > self._config.lost_sigma_m:
             health = "lost"
         elif sigma_m > self._config.degraded_sigma_m:
             health = "degraded"

@@ -107,7 +107,7 @@ class Survey:
 
     def pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Pose (3,) and covariance (3, 3) at the time moved to."""
-        return self.ekf.x[POSE].copy(), self.ekf.P[POSE, POSE].copy()
+        return self.ekf.x[POSE].copy(), self.ekf.head()[POSE, POSE].copy()
 
     def see(self, polar: np.ndarray, names: np.ndarray | None = None) -> np.ndarray:
         """Take in a frame of sights (m, 2); returns the landmark names (m,), -1 for none.

@@ -191,5 +191,6 @@ def test_command_line(tmp_path: Path) -> None:
     assert [row["association"] for row in result["runs"]] == ["known"]
     assert result["cost"][0].keys() == {
         "landmarks", "update_us", "predict_us", "filterpy_update_us", "filterpy_predict_us",
+        "update_ratio", "predict_ratio",
     }  # fmt: skip
     assert main(["bench", "slam", str(tmp_path / "nowhere")]) == 2

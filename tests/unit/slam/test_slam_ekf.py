@@ -86,6 +86,7 @@ def test_predict_equals_filterpys_dense_one(seed: int, count: int) -> None:
 def test_filterpys_own_steps_still_work_after_growing() -> None:
     ekf = random_filter(3, 5)
     before = ekf.P.copy()
+    ekf.prepare_dense()
     ExtendedKalmanFilter.predict(ekf)
     assert np.array_equal(ekf.P, before)
     h = np.eye(2, ekf.dim_x)
@@ -111,7 +112,7 @@ def test_adding_carries_the_poses_uncertainty_into_the_landmark() -> None:
         own[rows, rows] = noise[i]
     assert np.abs(ekf.P - grow @ own @ grow.T).max() < 1e-12
     assert ekf.count == 6 and ekf.landmarks()[4:] == pytest.approx(points)
-    assert ekf.dim_x == len(ekf.x) == len(ekf.Q) == len(ekf._I)
+    assert ekf.dim_x == len(ekf.x) == len(ekf.P)
 
 
 def test_keeping_some_landmarks_marginalises_the_others() -> None:
@@ -140,19 +141,62 @@ def test_marker_corrects_the_pose_in_all_three_directions() -> None:
     assert ekf.x[POSE] == pytest.approx(np.zeros(3), abs=2e-3)
 
 
-def test_covariance_stays_positive_definite_over_many_steps() -> None:
+@pytest.mark.parametrize(
+    ("steps", "invariant"),
+    [
+        (3_000, False),
+        (3_000, True),
+        pytest.param(1_000_000, True, marks=[pytest.mark.long, pytest.mark.timeout(3600)]),
+    ],
+)
+def test_covariance_stays_positive_definite_over_many_steps(steps: int, invariant: bool) -> None:
     rng = np.random.default_rng(7)
     ekf = random_filter(7, 25)
-    for k in range(3000):
+    ekf._invariant = invariant
+    for k in range(steps):
         end, by_pose, _ = compose(ekf.x[POSE], SE2(0.02, 0.0, 0.05))
         noise = np.diag([1e-6, 1e-6, 1e-7])
         ekf.predict(end, by_pose, np.zeros((3, 4)), noise, np.array([1e-10, 0.0, 0.0, 0.0]))
-        columns, jacobian, _, noise = sights(ekf, rng, 6)
-        ekf.update(columns, jacobian, rng.normal(0, 0.01, (6, 2)), noise)
-        if k % 500 == 499:
+        columns, jacobian, _, noise = sights(ekf, rng, 2)
+        ekf.update(columns, jacobian, rng.normal(0, 0.01, (2, 2)), noise)
+        if k % (steps // 6) == steps // 6 - 1:
             assert np.array_equal(ekf.P, ekf.P.T)
             np.linalg.cholesky(ekf.P)  # raises where it is not positive definite
     assert abs(ekf.x[2]) <= np.pi
+
+
+def test_only_what_is_written_is_read() -> None:
+    """The steps keep the upper half; whoever reads P finds both, and what was written stays."""
+    ekf, whole = random_filter(8, 6), random_filter(8, 6)
+    rng = np.random.default_rng(8)
+    for k in range(40):
+        end, by_pose, _ = compose(ekf.x[POSE], SE2(0.05, 0.01, 0.1))
+        move = end, by_pose, np.full((3, 4), 0.01), 1e-5 * np.eye(3), np.full(4, 1e-8)
+        step = sights(ekf, rng, 3)
+        for each in (ekf, whole):
+            each.predict(*move)
+            each.update(*step)
+            if k % 7 == 3:
+                each.loosen(np.array([1, 4]), np.array([0.01, 0.02]))
+                each.inflate(1e-4 * np.eye(3))
+            if k % 11 == 5:
+                each.keep(np.array([0, 1, 2, 3, 4, 5]))
+            if k == 20:
+                points, at_pose, at_sight = locate(each.x[POSE], np.array([[0.5, 0.2]]))
+                each.add(points, at_pose, at_sight, 1e-4 * np.eye(2)[None])
+        assert np.array_equal(whole.P, whole.P.T)  # read every time, the other at the end only
+        assert np.array_equal(whole.head(), whole.P[:FIRST_LANDMARK, :FIRST_LANDMARK])
+    assert np.array_equal(ekf.x, whole.x) and np.array_equal(ekf.P, whole.P)
+    assert np.array_equal(ekf.pose_covs()[2], ekf.P[POSE, 14:16])
+    assert np.array_equal(ekf.landmark_covs()[2], ekf.P[14:16, 14:16])
+
+
+def test_a_clone_goes_its_own_way() -> None:
+    ekf = random_filter(9, 3)
+    twin, before = ekf.clone(), ekf.P.copy()
+    twin.update(*sights(twin, np.random.default_rng(9), 2))
+    assert np.array_equal(ekf.P, before) and not np.array_equal(twin.P, before)
+    assert not np.array_equal(ekf.x, twin.x)
 
 
 def test_invariant_update_is_the_plain_one_carried_to_the_new_positions() -> None:
