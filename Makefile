@@ -12,7 +12,7 @@ SEED ?= 1
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: run demo fuzz test test-long lint types firmware firmware-trials messages bench train a53 clean
+.PHONY: camera run demo fuzz test test-long lint types firmware firmware-trials messages bench train a53 clean
 
 run: $(VENV)/.sim
 	$(BIN)/sweeper run --body sim --scene $(SCENE) --seed $(SEED)
@@ -46,6 +46,10 @@ firmware-trials: $(VENV)/.dev
 
 messages: $(VENV)/.dev
 	$(BIN)/python -m firmware_bridge.messages
+
+# Real libcamera (Debian trixie, virtual pipeline) feeds the camera adapter. Root, network.
+camera: $(VENV)/.dev
+	$(BIN)/python deploy/proof/camera.py
 
 train: $(VENV)/.train
 	$(BIN)/python -m models.train --help

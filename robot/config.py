@@ -211,7 +211,7 @@ class ControlConfig(Section):
     memory_range_m: Positive = 1.2
     no_go_margin_m: NotNegative = 0.03  # kept between the footprint and what people forbade
     wheel_only_mps: Annotated[float, Meta(gt=0.0, le=0.1)] = 0.10  # without sight
-    manual_expires_s: Annotated[float, Meta(gt=0.0, le=0.3)] = 0.3  # the dead man's handle
+    manual_expires_s: Annotated[float, Meta(gt=0.0, le=0.3)] = 0.25  # the dead man's handle
 
 
 class MissionConfig(Section):
@@ -219,6 +219,8 @@ class MissionConfig(Section):
 
     max_duration_s: Positive = 3600.0  # of cleaning; then the robot returns to its dock
     battery_return_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 20.0
+    battery_stop_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 5.0  # stop where it is
+    battery_resume_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 80.0  # go on after charging
     undock_m: Positive = 0.45
     look_radps: Positive = 0.8
     replan_growth_m2: Positive = 1.5  # known free floor gained that is worth a new plan
@@ -234,6 +236,15 @@ class MissionConfig(Section):
     denied_give_up_s: Positive = 30.0  # the gate lets nothing move for so long: an error
     recover_tries: Count = 8  # within `recover_reset_m` of driving
     recover_reset_m: Positive = 0.5
+    recover_limit_s: Positive = 40.0  # from the first try to the last
+    recover_limit_m: Positive = 1.5  # backed off in all of them
+    no_way_s: Positive = 30.0  # without a route to the dock before it says so
+    blind_after_s: Positive = 2.0  # so long without sight is no hiccup
+    blind_wait_s: Positive = 6.0  # sight may come back by itself
+    blind_quality: Fraction = 0.03  # of a frame; less is darkness
+    blind_limit_m: Positive = 12.0  # farther by the wheels alone it may be anywhere
+    blind_limit_s: Positive = 150.0
+    no_go_margin_m: NotNegative = 0.05  # plans keep so far off what people forbade
     brush: Fraction = 0.8
     fan: Fraction = 0.8
 

@@ -11,10 +11,13 @@ import tomllib
 from importlib import resources
 from pathlib import Path
 
-from robot.config import Config
-from robot.errors import CalibrationError, HardwareError, ModelError
+from robot.config import CameraConfig, Config
+from robot.errors import CalibrationError, ConfigError, HardwareError, ModelError
 from robot.geometry.stereo import StereoCamera
+from robot.hardware.frames_folder import FramesFolder
 from robot.hardware.imu_i2c import Imu, open_bus
+from robot.hardware.libcamera_stereo import LibcameraStereo
+from robot.hardware.stereo import StereoSource, WatchedStereo
 from robot.hardware.uvc import UvcStereo
 from robot.perception.calibration_files import parse_calibration
 from robot.perception.chain import Perception
@@ -75,13 +78,55 @@ def open_perception(config: Config) -> Perception:
     )
 
 
-def open_stereo(config: Config) -> UvcStereo:
-    """The side-by-side camera. Raises HardwareError when there is none."""
-    return UvcStereo(
-        config.camera.device,
-        eye_width_px=config.camera.width_px,
-        eye_height_px=config.camera.height_px,
-    )
+def open_stereo(config: Config, raw_size_px: tuple[int, int] | None = None) -> WatchedStereo:
+    """The configured cameras, started again whenever they fail.
+
+    They deliver eyes of `raw_size_px`; None: the size of the calibration, or else the working
+    size. Raises HardwareError when there is none, FrameError for an unfit folder.
+    """
+    camera = config.camera
+    if raw_size_px is None:
+        rectifier = open_calibration(config)
+        raw_size_px = rectifier.raw_size_px if rectifier else (camera.width_px, camera.height_px)
+    width_px, height_px = raw_size_px
+
+    def open_source() -> StereoSource:
+        if camera.source == "folder":
+            return FramesFolder(Path(camera.device), rate_hz=camera.rate_hz)
+        if camera.source == "uvc":
+            return UvcStereo(
+                camera.device,
+                eye_width_px=width_px,
+                eye_height_px=height_px,
+                rate_hz=camera.rate_hz,
+                exposure_us=camera.exposure_us,
+                gain=camera.gain,
+                timeout_s=camera.timeout_s,
+            )
+        return LibcameraStereo(
+            camera_names(camera),
+            eye_width_px=width_px,
+            eye_height_px=height_px,
+            rate_hz=camera.rate_hz,
+            exposure_us=camera.exposure_us,
+            gain=camera.gain,
+            timeout_s=camera.timeout_s,
+        )
+
+    return WatchedStereo(open_source)
+
+
+def camera_names(camera: CameraConfig) -> list[str]:
+    """The libcamera cameras that `camera.device` names. Raises ConfigError for a wrong number."""
+    names = [name.strip() for name in camera.device.split(",") if name.strip()]
+    wanted = 2 if camera.source == "libcamera-dual" else 1
+    if len(names) != wanted:
+        raise ConfigError(
+            f"camera.device = '{camera.device}' names {len(names)} cameras where camera.source = "
+            f"'{camera.source}' needs {wanted}; write "
+            + ("'0,1', the left one first." if wanted == 2 else "one number or id.")
+        )
+    return names
 
 
 def open_gyro(config: Config) -> Imu | None:

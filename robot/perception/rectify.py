@@ -69,6 +69,11 @@ class Rectifier:
             self._make_maps(right, r_right, p_right),
         )
 
+    @property
+    def raw_size_px(self) -> tuple[int, int]:
+        """Width and height of each eye's picture before rectification."""
+        return self._raw_size
+
     def rectify(self, left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rectified grey uint8 pair (height, width). Raises FrameError for a wrong frame size."""
         return self._remap(left, 0, "left"), self._remap(right, 1, "right")

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from robot.errors import FrameError, HardwareError
-from robot.hardware.uvc import UvcStereo, split_side_by_side
+from robot.hardware.stereo import split_side_by_side
+from robot.hardware.uvc import UvcStereo
 
 
 @pytest.fixture
