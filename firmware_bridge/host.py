@@ -112,7 +112,9 @@ def build_host_firmware(build_dir: Path, *, extra_flags: tuple[str, ...] = ()) -
         sources = [str(path) for path in source_files()]
         define = [f"-DFIRMWARE_BUILD=0x{number:08x}u", f"-I{SOURCES}"]
         command = [*compiler, *FLAGS, *extra_flags, *define, *sources, "-o", str(made)]
-        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        result = subprocess.run(
+            command, capture_output=True, text=True, check=False, process_group=0
+        )
         if result.returncode != 0:
             first = (result.stderr.strip().splitlines() or ["no message"])[0]
             raise BridgeError(
@@ -136,7 +138,11 @@ class HostFirmware:
         """Run a board that speaks the records of `step`."""
         try:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                bufsize=0,
+                process_group=0,  # Ctrl-C is for whoever drives it; it ends when its stdin does
             )
         except OSError as error:
             raise BridgeError(

@@ -38,14 +38,13 @@ from firmware_bridge.messages import (
     Wheels,
 )
 from firmware_bridge.transport import Transport
+from firmware_bridge.waiting import Waiting
 
 MS = 1_000_000
 REOPEN_NS = 250 * MS
 HELLO_NS = 100 * MS  # between two Hellos, or two Keeps
-RETRY_NS = 60 * MS
 SILENT_NS = LINK_TIMEOUT_MS * MS
 GIVE_UP_NS = 3000 * MS  # a port silent for this long is closed and looked for again
-CLEAR_TRIES = 5
 
 Tap = Callable[[Literal["out", "in"], Packet], None]
 
@@ -60,16 +59,6 @@ class Received:
     t_ns: int
     arrived_ns: int
     message: Wheels | Contacts | Power | Status
-
-
-@dataclass
-class _Pending:
-    """An order that is said again until it is answered."""
-
-    seq: int
-    message: Stop | Clear | Tune
-    next_ns: int
-    tries: int
 
 
 class Link:
@@ -95,9 +84,9 @@ class Link:
         self._session = (random if first_session is None else first_session) % 65535 or 1
         self._seq = 0
         self._sent_ns: dict[int, int] = {}  # sequence number -> when it was first sent
-        self._pending: _Pending | None = None
+        self._pending: Waiting | None = None
         self._tune = Tune(full_speed_mm_s)
-        self._tuning: _Pending | None = None
+        self._tuning: Waiting | None = None
         self._next_open_ns: int | None = None
         self._next_hello_ns = 0
         self._heard_ns = 0
@@ -118,6 +107,11 @@ class Link:
         self._counters.framing_errors = self._decoder.framing_errors
         return self._counters
 
+    @property
+    def stopping(self) -> bool:
+        """Whether a stop waits for its answer."""
+        return self._pending is not None and isinstance(self._pending.message, Stop)
+
     def close(self) -> None:
         """Let go of the line."""
         self._transport.close()
@@ -129,15 +123,14 @@ class Link:
 
         While a stop waits for its answer nothing else is ordered, nor before the motors are known.
         """
-        stopping = self._pending is not None and isinstance(self._pending.message, Stop)
-        if not self.connected or stopping or self._tuning:
+        if not self.connected or self.stopping or self._tuning:
             self._counters.unsent += 1
             return False
         return self._send(now_ns, order)
 
     def stop(self, now_ns: int) -> None:
         """Latch a stop; said again until it is answered, across reconnects too."""
-        if not (self._pending and isinstance(self._pending.message, Stop)):
+        if not self.stopping:
             self._order(now_ns, Stop())
 
     def clear(self, now_ns: int) -> None:
@@ -148,19 +141,17 @@ class Link:
         self._order(now_ns, Clear(self.latch))
 
     def _order(self, now_ns: int, message: Stop | Clear) -> None:
-        self._pending = _Pending(self._next_seq(), message, now_ns, 0)
+        self._pending = Waiting(self._next_seq(), message, now_ns)
         self._retry(self._pending, now_ns)
 
-    def _retry(self, waiting: _Pending | None, now_ns: int) -> None:
+    def _retry(self, waiting: Waiting | None, now_ns: int) -> None:
         """Say the waiting order (again) when it is due."""
-        if waiting is None or not self.connected or now_ns < waiting.next_ns:
+        if waiting is None or not self.connected or not waiting.is_due(now_ns):
             return
-        if isinstance(waiting.message, Clear) and waiting.tries >= CLEAR_TRIES:
+        if waiting.given_up:
             self._pending = None
             return
-        self._counters.retries += waiting.tries > 0
-        waiting.tries += 1
-        waiting.next_ns = now_ns + RETRY_NS
+        self._counters.retries += waiting.said(now_ns) > 1
         self._send(now_ns, waiting.message, waiting.seq)
 
     def _next_seq(self) -> int:
@@ -283,7 +274,7 @@ class Link:
             self._left.restarted()
             self._right.restarted()
         self._boot = ack.boot
-        self._tuning = _Pending(self._next_seq(), self._tune, now_ns, 0)
+        self._tuning = Waiting(self._next_seq(), self._tune, now_ns)
 
     def _note_latch(self, message: HelloAck | Ack | Status) -> None:
         known = message.stop_reason in StopReason._value2member_map_

@@ -25,7 +25,10 @@ What happened:   sweeper replay runs/latest/log.mcap
 Your frames:     sweeper bench pipeline --frames DIR
 Is it ready:     sweeper check
 """
-EXIT_CODES = "Exit codes: 0 done; 1 the run or the comparison failed; 2 the input is wrong."
+EXIT_CODES = (
+    "Exit codes: 0 done (Ctrl-C or SIGTERM end a run in order: it stops and writes its summary); "
+    "1 the run or the comparison failed; 2 the input is wrong."
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -134,6 +137,7 @@ def _add_run_options(verb: argparse.ArgumentParser) -> None:
         help="draw what is seen from perception's measured errors, without pictures (sim)",
     )
     verb.add_argument("--socket", type=Path, help="control socket: be watched, steered")
+    verb.add_argument("--home", type=Path, help="folder of the map: known at the start, kept after")
 
 
 # ---------------------------------------------------------------------- verbs
@@ -141,12 +145,14 @@ def _add_run_options(verb: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from robot.body.cleaning import RunOptions, run_cleaning
+    from robot.body.ending import Ending
     from robot.config import load_config
     from robot.progress import Progress, print_summary
 
     if arguments.duration_s is not None and arguments.duration_s <= 0:
         raise SweeperError(f"--duration-s {arguments.duration_s}: give more than 0 seconds.")
-    with Progress(enabled=not arguments.no_progress and sys.stderr.isatty()) as progress:
+    shown = not arguments.no_progress and sys.stderr.isatty()
+    with Ending() as ending, Progress(enabled=shown) as progress:
         summary = run_cleaning(
             RunOptions(
                 body=arguments.body,
@@ -159,9 +165,11 @@ def _run(arguments: argparse.Namespace) -> int:
                 real_time=arguments.real_time,
                 drawn=arguments.drawn,
                 socket=arguments.socket,
+                home=arguments.home,
             ),
             load_config(arguments.config),
             progress.update,
+            ending.asked,
         )
     if arguments.json != "-":
         print_summary(summary)

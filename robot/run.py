@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from robot.messages import StopOrder
@@ -11,8 +12,13 @@ if TYPE_CHECKING:
     from robot.brain import Brain
 
 
-def run(body: Body, brain: Brain, log: EventLog) -> None:
-    """Let the brain live in the body until the body's events end.
+def never() -> str:
+    """Nobody asks for an early end."""
+    return ""
+
+
+def run(body: Body, brain: Brain, log: EventLog, ended: Callable[[], str] = never) -> None:
+    """Let the brain live in the body until the body's events end, or `ended` says who wants that.
 
     Whatever goes wrong, the wheels are told to stop and the log is flushed before the error
     travels on.
@@ -20,6 +26,9 @@ def run(body: Body, brain: Brain, log: EventLog) -> None:
     t_ns = 0
     try:
         for event in body.events():
+            if who := ended():
+                body.send(StopOrder(t_ns, f"ended by {who}"))
+                break
             t_ns = event.t_ns
             log.event(event)
             for command in brain.on(event):

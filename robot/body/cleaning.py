@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -15,19 +16,21 @@ from typing import Any
 import cv2
 
 from robot.body.eyes import DrawnEyes, Eyes, RenderedEyes
+from robot.body.keeper import HomeKeeper
 from robot.body.live import LiveBody
 from robot.body.notify import Notifier
 from robot.body.observe import Observer, Snapshot
 from robot.body.onlookers import Onlookers
 from robot.body.simulated import SimulatedBody
 from robot.body.sources import open_gyro, open_perception, open_stereo, read_calibration
+from robot.body.store import HomeStore
 from robot.body.summary import Judge, summarise, write_run_folder
 from robot.brain import Brain
 from robot.config import Config, dump_config
 from robot.errors import SweeperError
 from robot.hardware.wheels import open_wheels
 from robot.log.writer import LogHeader, LogWriter
-from robot.run import run
+from robot.run import never, run
 
 MAX_SIM_S = 1800.0  # a simulated clean that takes longer has lost its way
 WEEK_S = 7 * 24 * 3600.0  # of waiting for requests
@@ -47,17 +50,23 @@ class RunOptions:
     real_time: bool = False
     drawn: bool = False
     socket: Path | None = None
+    home: Path | None = None  # folder of the map that is known and kept
 
 
 def run_cleaning(
-    options: RunOptions, config: Config, progress: Callable[[Snapshot], None]
+    options: RunOptions,
+    config: Config,
+    progress: Callable[[Snapshot], None],
+    ended: Callable[[], str] = never,
 ) -> dict[str, Any]:
-    """Run until the mission or the time ends.
+    """Run until the mission or the time ends, or `ended` names who wants that.
 
     Writes the run folder and the link `latest` beside it, and returns the summary.
     """
     with ExitStack() as stack:
         judge = _open_world(options, config) if options.body == "sim" else None
+        store = None if options.home is None else HomeStore(options.home)
+        known = None if store is None else store.load(lambda text: print(text, file=sys.stderr))
         folder = _new_folder(options)
         header = LogHeader(
             config_toml=dump_config(config),
@@ -68,21 +77,27 @@ def run_cleaning(
             wall_time=datetime.now(UTC).isoformat(timespec="seconds"),
             calibration=read_calibration(config) if config.camera.calibration else "",
             calibration_name=config.camera.calibration,
+            home=b"" if known is None else known[0],
         )
         log = stack.enter_context(LogWriter(folder / "log.mcap", header, config.log))
         observer = Observer(log, log, progress, judge.covered_pct if judge else None)
-        brain = Brain(config)
+        brain = Brain(config, None if known is None else known[1])
         onlookers = Onlookers(options.socket, config, options.body, stack)
         loop_log = onlookers.stand_before(observer, brain, lambda name: _run_folder(options, name))
+        keeper = None if store is None else HomeKeeper(loop_log, brain, store)
         body = (
             _simulated(options, config, judge, observer, onlookers, stack)
             if judge
             else _live(options, config, observer, onlookers, stack)
         )
         started_s = time.monotonic()
-        run(body, brain, loop_log)
+        run(body, brain, keeper or loop_log, ended)
+        ended_by = ended() or None
         wall_s = time.monotonic() - started_s
+        if keeper is not None:
+            keeper.close()
     summary = summarise(observer, body, judge, options.scene, options.seed, wall_s)
+    summary["ended_by"] = ended_by
     summary["log"] = str(folder / "log.mcap")
     write_run_folder(folder, summary, observer, judge, config)
     return summary

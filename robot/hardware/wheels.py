@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 from firmware_bridge.link import Link, Received
 from firmware_bridge.messages import (
@@ -32,6 +33,7 @@ from robot.messages import (
 )
 
 STATE_PERIOD_NS = 200_000_000
+LAST_WORD_S = 0.3
 
 
 def open_wheels(robot: RobotConfig, config: LinkConfig) -> WheelBridge:
@@ -74,7 +76,11 @@ class WheelBridge:
         self._said_ns = 0
 
     def close(self) -> None:
-        """Let go of the serial port."""
+        """Let go of the serial port; a stop that waits for its answer gets a moment for it."""
+        end_s = time.monotonic() + LAST_WORD_S
+        while self.link.connected and self.link.stopping and time.monotonic() < end_s:
+            self.link.poll(time.monotonic_ns())
+            time.sleep(0.005)
         self.link.close()
 
     # ------------------------------------------------------------------ events

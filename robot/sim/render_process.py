@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
@@ -68,6 +69,7 @@ class RenderProcess:
 
 def _draw(pipe: Connection, scene: str, camera: StereoCamera, sim: SimConfig, seed: int) -> None:
     """Life of the second process: ends when the other end of the pipe is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the run; the pipe ends this
     from robot.sim.rig import StereoRig
     from robot.sim.scene import load_scene
 
@@ -79,5 +81,5 @@ def _draw(pipe: Connection, scene: str, camera: StereoCamera, sim: SimConfig, se
             pipe.send((t_ns, seq, disparity.shape))
             for image in (frame.left, frame.right, disparity):
                 pipe.send_bytes(image.tobytes())
-    except (EOFError, OSError, KeyboardInterrupt):
+    except (EOFError, OSError):
         return

@@ -77,7 +77,7 @@ def test_the_trials_would_notice(line_trials: Path, tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("clang") is None, reason="clang (libFuzzer) is missing")
 def test_the_fuzzer_finds_nothing_in_a_short_run(tmp_path: Path) -> None:
-    command = ["make", "-C", str(SOURCES.parent), f"BUILD={tmp_path}", "FUZZ_SECONDS=8", "fuzz"]
+    command = ["make", "-C", str(SOURCES.parent), f"BUILD={tmp_path}", "FUZZ_SECONDS=4", "fuzz"]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if "fuzzer" in result.stderr and "cannot find" in result.stderr:
         pytest.skip("clang has no libFuzzer: install libclang-rt-dev")
