@@ -71,6 +71,19 @@ class CameraConfig(Section):
         )
 
 
+class SensorsConfig(Section):
+    """What else is on the I2C bus (`robot.i2c_bus`)."""
+
+    imu_axis: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"  # the chip's axis that points up
+    imu_bias_radps: Annotated[float, Meta(ge=-0.5, le=0.5)] = 0.0  # of `sweeper calibrate imu`
+    gauge: Literal["none", "auto"] = "none"  # a battery gauge INA219 or INA226
+    gauge_address: Annotated[int, Meta(ge=0x40, le=0x4F)] = 0x40
+    shunt_ohm: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.01
+    cells: Annotated[int, Meta(ge=1, le=8)] = 4  # lithium-ion cells in series
+    capacity_ah: Annotated[float, Meta(gt=0.0, le=50.0)] = 2.6
+    internal_ohm: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.12  # of the whole pack
+
+
 class PerceptionConfig(Section):
     """From a pair of images to landmarks and scan."""
 
@@ -295,6 +308,7 @@ class Config(Section):
 
     robot: RobotConfig = RobotConfig()
     camera: CameraConfig = CameraConfig()
+    sensors: SensorsConfig = SensorsConfig()
     perception: PerceptionConfig = PerceptionConfig()
     slam: SlamConfig = SlamConfig()
     mapping: MappingConfig = MappingConfig()

@@ -45,5 +45,9 @@ class HardwareError(SweeperError, OSError):
     """A device (serial port, camera, I2C sensor) is missing or does not answer."""
 
 
+class RequestError(SweeperError, ValueError):
+    """A request to a running robot has an unknown verb, or arguments that make no sense."""
+
+
 class MissingExtraError(SweeperError, ImportError):
     """An optional dependency is not installed."""

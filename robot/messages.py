@@ -189,15 +189,20 @@ class Planned:
     path: Path
     remaining_m2: float  # reachable known floor that is still uncovered
     reason: str = ""
+    rooms: np.ndarray | None = None  # to "rooms" only: uint8 of the grid's shape, 0: no room
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a person (or the schedule) asks for: start, pause, resume, stop, dock."""
+    """What a person (or the schedule) asks for: a verb of `robot.mission.verbs`.
+
+    Its `Answer` names the same `request_id`; 0 belongs to requests that nobody waits for.
+    """
 
     t_ns: int
     verb: str
     args: tuple[str, ...] = ()
+    request_id: int = 0
 
 
 Event = Tick | WheelTravel | ImuSample | Contact | Battery | LinkState | Seen | Planned | Request
@@ -236,18 +241,27 @@ class ClearOrder:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanOrder:
-    """Ask the planning worker for a path over a snapshot of the map.
+    """Ask the planning worker for a path over a snapshot of the map, or for its rooms.
 
-    `covered` is bool, of the grid's shape. `goal` is used by "route" only.
+    `covered` is bool, of the grid's shape. `goal` is used by "route" only. Unless `explore`, floor
+    that is not known yet is left alone.
     """
 
     t_ns: int
     order_id: int
-    kind: Literal["coverage", "route"]
+    kind: Literal["coverage", "route", "rooms"]
     grid: Grid
     covered: np.ndarray
     start: SE2
     goal: SE2 | None = None
+    explore: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Beep:
+    """Let the robot be heard, so that people find it."""
+
+    t_ns: int
 
 
 # ---------------------------------------------------------------- reports (commands to nobody)
@@ -285,8 +299,31 @@ class MissionState:
     remaining_m2: float
 
 
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What became of a `Request`: whether it is carried out, and why (not).
+
+    `data` is JSON text for programs, empty where the sentence says it all.
+    """
+
+    t_ns: int
+    request_id: int
+    verb: str
+    accepted: bool
+    reason: str
+    data: str = ""
+
+
 Command = (
-    DriveCommand | StopOrder | ClearOrder | PlanOrder | PoseEstimate | MapReport | MissionState
+    DriveCommand
+    | StopOrder
+    | ClearOrder
+    | PlanOrder
+    | Beep
+    | PoseEstimate
+    | MapReport
+    | MissionState
+    | Answer
 )
 
 RATE_HZ: dict[type, float] = {

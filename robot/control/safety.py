@@ -2,7 +2,8 @@
 
 Nothing moves until wheels, contacts and link have been heard; what is old counts as unheard. Then
 the speed is bounded by what the sensors can see ahead: v*t + v^2/(2a) within the free distance.
-Only one thing is never denied while the drive can be trusted: backing away slowly.
+Only one thing is never denied while the drive can be trusted: backing away slowly. Lines that
+people have drawn are stopped before, however slow; wheel-only driving creeps without sight.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 from robot.config import ControlConfig, RobotConfig
+from robot.control.keepout import KeepOut
 from robot.control.limits import Ramp, braking_speed_mps, clamp, stopping_distance_m
 from robot.control.sight import Corridor, Sight
 from robot.control.wish import Wish
@@ -43,6 +45,7 @@ class SafetyGate:
         self._seen_ns: int | None = None
         self._tick_ns: int | None = None
         self.sight = Sight(control, robot)
+        self.keep_out = KeepOut(control, robot)
         self.verdict = Verdict("nothing has been heard yet")
 
     def contact(self, event: Contact) -> None:
@@ -69,6 +72,7 @@ class SafetyGate:
         dt_s = 0.0 if self._tick_ns is None else (t_ns - self._tick_ns) * 1e-9
         self._tick_ns = t_ns
         denied = self._denial(t_ns, wish, wheels_ns)
+        running = localised and not wish.wheel_only
         if denied:
             self.verdict = Verdict(denied=denied)
             self._ramp.force(0.0, 0.0)
@@ -78,13 +82,14 @@ class SafetyGate:
             v = min(v, 0.0)
             w = clamp(w, BACK_TURN * -v / self._robot.track_width_m)
             self._ramp.force(v, w)
-        cap_mps, slowed, free_m = self._cap(t_ns, v, w, wish.v_mps, odom_from_base)
+        cap_mps, slowed, free_m = self._cap(t_ns, v, w, wish, odom_from_base)
         self.verdict = Verdict(slowed=slowed if abs(v) > cap_mps else "", free_m=free_m)
         if abs(v) > cap_mps:
-            w *= cap_mps / abs(v)  # the arc stays the same
+            if cap_mps > 0.0:  # the arc stays the same; before a line it may turn in its place
+                w *= cap_mps / abs(v)
             v = math.copysign(cap_mps, v)
             self._ramp.force(v, w)
-        return self._order(t_ns, v, w, wish, self.verdict.slowed, running=localised)
+        return self._order(t_ns, v, w, wish, self.verdict.slowed, running=running)
 
     # ------------------------------------------------------------------ rules
 
@@ -109,6 +114,8 @@ class SafetyGate:
             return "a cliff is ahead, only backing is allowed"
         if self._touching():
             return "the bumper is pressed, only backing is allowed"
+        if wish.wheel_only:
+            return ""
         if self._seen_ns is None or _age_s(t_ns, self._seen_ns) > control.seen_stop_s:
             return "nothing has been seen for too long"
         return ""
@@ -123,22 +130,26 @@ class SafetyGate:
         return wish.v_mps < 0.0 and turn_mps <= -wish.v_mps
 
     def _cap(
-        self, t_ns: int, v: float, w: float, wished_mps: float, odom_from_base: SE2
+        self, t_ns: int, v: float, w: float, wish: Wish, odom_from_base: SE2
     ) -> tuple[float, str, float]:
         """Highest allowed speed, the rule that sets it, and the free distance on the arc."""
-        control = self._control
+        control, wished_mps = self._control, wish.v_mps
         direction = 1 if wished_mps >= 0.0 else -1
         probe = v if abs(v) > TURNING_MPS else math.copysign(TURNING_MPS, wished_mps)
         moving = abs(v) > 0.0 or abs(wished_mps) > 0.0
-        corridor = OPEN
+        corridor, line_m = OPEN, math.inf
         if moving:
             corridor = self.sight.corridor(odom_from_base, direction, w / probe)
+            line_m = self.keep_out.free_m(odom_from_base, direction, w / probe)
         cap, why = self._robot.cruise_mps, ""
-        if v < 0.0 or wished_mps < 0.0:
+        if wish.wheel_only:
+            cap, why = control.wheel_only_mps, "driving by the wheels alone"
+        if (v < 0.0 or wished_mps < 0.0) and control.back_mps < cap:
             cap, why = control.back_mps, "backing is slow"
         if _age_s(t_ns, self._seen_ns or 0) > control.seen_slow_s and cap > control.stale_mps:
             cap, why = control.stale_mps, "the last frame is old"
         rules = (
+            (line_m, 0.0, "a line that must not be crossed is ahead"),
             (corridor.free_m, control.touch_mps, "an obstacle is ahead"),
             (corridor.graze_m, control.near_mps, "an obstacle is close beside the way"),
         )
@@ -153,7 +164,7 @@ class SafetyGate:
         )
         if ahead_unknown and control.unknown_mps < cap:
             cap, why = control.unknown_mps, "the floor ahead has not been seen"
-        return cap, why, corridor.free_m
+        return cap, why, min(corridor.free_m, line_m)
 
     def _order(
         self, t_ns: int, v: float, w: float, wish: Wish, why: str, *, running: bool

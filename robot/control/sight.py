@@ -81,6 +81,12 @@ class Sight:
         self._near_m = np.empty((0, 2))  # those of `_points_m` that matter until the next scan
         self._views: deque[_View] = deque()
 
+    def forget(self) -> None:
+        """Drop all: the robot was carried away from what it saw."""
+        self._points_m = self._mapped_m = self._near_m = np.empty((0, 2))
+        self._stamps_ns = np.empty(0, dtype=np.int64)
+        self._views.clear()
+
     def know(self, points_m: np.ndarray) -> None:
         """Take obstacles (n, 2) of `odom` near the robot from the map, instead of the last ones."""
         self._mapped_m = points_m
@@ -144,12 +150,12 @@ class Sight:
             points = base_from_odom.apply(memory)
             x, y = points[:, 0] * direction, points[:, 1]
             wide = self._robot.radius_m + self._control.graze_m
-            touch_m = _free_m(x, y, curvature, wide, witnesses)
+            touch_m = free_on_arc_m(x, y, curvature, wide, witnesses)
             graze_m = min(graze_m, touch_m)
             if math.isfinite(touch_m):
                 # Slim at the sides, where it only grazes, but not in front.
                 slim = self._robot.radius_m - self._control.graze_m
-                slim_m = _free_m(x, y, curvature, slim, witnesses) - self._control.graze_m
+                slim_m = free_on_arc_m(x, y, curvature, slim, witnesses) - self._control.graze_m
                 body_m = min(body_m, max(0.0, slim_m))
         return Corridor(body_m, graze_m)
 
@@ -175,7 +181,7 @@ class Sight:
         return any(view.covers(x_m, y_m) for view in reversed(self._views))
 
 
-def _free_m(
+def free_on_arc_m(
     x: np.ndarray, y: np.ndarray, curvature_radpm: float, r: float, witnesses: int
 ) -> float:
     """Distance along the arc at which so many points touch a disc of radius `r`."""

@@ -15,6 +15,7 @@ from robot.messages import Grid
 _HALF_DOOR_M = 0.50  # passages narrower than twice this divide rooms
 _MIN_CORE_M2 = 0.04
 _MIN_ROOM_M2 = 1.0
+_MIN_SPECK_M2 = 0.5  # smaller pieces of floor without a neighbour are nothing
 
 
 def segment_rooms(grid: Grid, half_door_m: float = _HALF_DOOR_M) -> np.ndarray:
@@ -22,7 +23,7 @@ def segment_rooms(grid: Grid, half_door_m: float = _HALF_DOOR_M) -> np.ndarray:
     free = (grid.cells >= 0) & (grid.cells < 50)
     labels = _cores(free, grid.resolution_m, half_door_m)
     labels = _spread(labels, free)
-    labels = _merged(labels, round(_MIN_ROOM_M2 / grid.resolution_m**2))
+    labels = _without_specks(_merged(labels, round(_MIN_ROOM_M2 / grid.resolution_m**2)), grid)
     areas = np.bincount(labels.ravel())
     areas[0] = 0
     order = np.argsort(-areas, kind="stable")
@@ -78,3 +79,11 @@ def _merged(labels: np.ndarray, min_cells: int) -> np.ndarray:
                 break
         else:
             return labels.astype(np.int32)
+
+
+def _without_specks(labels: np.ndarray, grid: Grid) -> np.ndarray:
+    """Floor seen through a gap, that no room is next to, is no room of its own."""
+    areas = np.bincount(labels.ravel()) * grid.resolution_m**2
+    areas[0] = 0.0
+    speck = areas < min(_MIN_SPECK_M2, areas.max(initial=0.0))
+    return np.where(speck[labels], 0, labels)

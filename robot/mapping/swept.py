@@ -44,6 +44,11 @@ class SweptFloor:
         self._paint(np.vstack([bar, bar[::-1] if jumped or self._bar is None else self._bar[::-1]]))
         self._pose, self._bar = pose, bar
 
+    def begin_anew(self) -> None:
+        """Nothing is swept yet: a new run."""
+        self._cells = np.zeros_like(self._cells)
+        self.lift()
+
     def lift(self) -> None:
         """The brush stops: the next pose begins a new track."""
         self._pose = self._bar = None

@@ -1,12 +1,16 @@
-"""Sweeping: plan, drive, plan again when done, blocked, or when the map has grown."""
+"""Sweeping: plan, drive, plan again when done, blocked, or when the map has grown.
+
+What is to be swept is the run's job; the states differ in their names only.
+"""
 
 from __future__ import annotations
 
 from robot.control.wish import halt
 from robot.messages import Planned
 from robot.mission.drive import Drive
+from robot.mission.job import JobKind
 from robot.mission.recover import Recover
-from robot.mission.rest import give_up
+from robot.mission.rest import Idle, give_up
 from robot.mission.state import Situation, State, Step, seconds
 
 LOOKS = 2  # times to look around again when there is no plan at the very beginning
@@ -54,7 +58,9 @@ class Clean(State):
     # ------------------------------------------------------------------ plans
 
     def _order(self, now: Situation) -> None:
-        now.desk.order(now.t_ns, "coverage", now.pose, now.orders)
+        job = now.run.job
+        area = None if job.whole else job.area
+        now.desk.order(now.t_ns, "coverage", now.pose, now.orders, area=area)
 
     def _begin(self, now: Situation, answer: Planned) -> Step | None:
         """Take a new plan, or end the cleaning; None while there is work."""
@@ -71,11 +77,9 @@ class Clean(State):
         if self._drive is None and self._ended:
             self._count_fruitless(now)
             if now.run.fruitless_plans and answer.remaining_m2 < now.config.done_m2:
-                return Step(then="return", reason="the floor is clean but for specks")
+                return finished(now, "the floor is clean but for specks")
             if now.run.fruitless_plans >= now.config.fruitless_plans:
-                return Step(
-                    then="return", reason="the last plans brought nothing new, so that is all"
-                )
+                return finished(now, "the last plans brought nothing new, so that is all")
         now.run.plans += 1
         self._planned_ns, self._planned_swept_m2 = now.t_ns, now.swept.area_m2
         self._free_m2 = now.desk.known_free_m2
@@ -86,8 +90,8 @@ class Clean(State):
         if now.run.plans == 0 and now.run.looks <= LOOKS:
             return Step(then="look", reason=f"no plan yet ({answer.reason}), looking again")
         if now.run.plans == 0:
-            return Step(then="return", reason=f"nothing to clean: {answer.reason}")
-        return Step(then="return", reason=f"finished: {answer.reason}")
+            return finished(now, f"nothing to clean in {now.run.job.what}: {answer.reason}")
+        return finished(now, f"finished {now.run.job.what}: {answer.reason}")
 
     def _count_fruitless(self, now: Situation) -> None:
         """A plan that neither swept nor discovered anything was fruitless."""
@@ -123,3 +127,32 @@ class Clean(State):
         self._drive = None
         self._order(now)
         return Step(halt(why))
+
+
+class Spot(Clean):
+    """Sweeps around the place where it was asked."""
+
+    name = "spot"
+
+
+class Zone(Clean):
+    """Sweeps some rectangles."""
+
+    name = "zone"
+
+
+class Room(Clean):
+    """Sweeps some rooms."""
+
+    name = "room"
+
+
+WORK: dict[JobKind, type[Clean]] = {"clean": Clean, "spot": Spot, "zone": Zone, "room": Room}
+
+
+def finished(now: Situation, reason: str) -> Step:
+    """Home; but who was put down beside the work, or knows no dock, stays."""
+    run = now.run
+    if not run.from_dock and (not run.job.whole or now.sight.world_from_docked is None):
+        return Step(then=Idle(), reason=f"{reason}; waiting here")
+    return Step(then="return", reason=reason)

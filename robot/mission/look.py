@@ -24,5 +24,5 @@ class Look(State):
     def tick(self, now: Situation) -> Step:
         turned = now.turned_rad - self._from_rad
         if turned >= TURN_RAD or seconds(self._since_ns, now.t_ns) > TIMEOUT_S:
-            return Step(then="clean", reason="looked around, making a plan")
+            return Step(then="work", reason="looked around, making a plan")
         return Step(Wish(0.0, now.config.look_radps, reason="looking around"))

@@ -3,114 +3,144 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 from robot.control.wish import Wish
-from robot.messages import MissionState, Request, StopOrder
-from robot.mission.clean import Clean
+from robot.messages import MissionState, Request
+from robot.mission.asks import Asks
+from robot.mission.charge import Charge
+from robot.mission.clean import WORK
 from robot.mission.dock import Dock
+from robot.mission.job import Job
+from robot.mission.ladder import Kind
+from robot.mission.lifted import Lifted
 from robot.mission.look import Look
-from robot.mission.recover import Kind, Recover
-from robot.mission.rest import Done, Error, Idle, Paused, Starting
+from robot.mission.recover import Recover
+from robot.mission.rest import Done, Error, Idle, Starting
+from robot.mission.room_book import RoomBook
 from robot.mission.state import Name, RunRecord, Situation, State, seconds
 from robot.mission.travel import Return
 from robot.mission.undock import Undock
+from robot.mission.wheel_only import WheelOnly
 
 REPORT_NS = 1_000_000_000
 STATES: dict[Name, type[State]] = {
     "undock": Undock,
     "look": Look,
-    "clean": Clean,
     "return": Return,
     "dock": Dock,
     "done": Done,
+    "charge": Charge,
 }
 
 
 class Mission:
     """What the robot is about, and why."""
 
-    def __init__(self) -> None:
+    def __init__(self, book: RoomBook) -> None:
         self.state: State = Idle()
         self.reason = "switched on"
         self.run = RunRecord()
-        self._requests: deque[Request] = deque()
+        self._asks = Asks(book)
         self._reported_ns: int | None = None
         self._moving_since: tuple[int, float, float] | None = None
         self._denied_ns: int | None = None
 
+    @property
+    def trusts_place(self) -> bool:
+        """Whether what is seen may change the map: not after the robot was carried."""
+        return not isinstance(self.state, Lifted)
+
     def request(self, request: Request) -> None:
-        """Take a request in; it is carried out at the next tick."""
-        self._requests.append(request)
+        """Take a request in; it is judged at the next tick."""
+        self._asks.take(request)
 
     def tick(self, now: Situation) -> Wish:
         """One beat: the wish for the wheels; other commands are added to `now.orders`."""
         now.run = self.run
-        while self._requests:
-            self._carry_out(self._requests.popleft(), now)
+        self._asks.carry_out(self, now)
         if self.state.active:
             self._watch(now)
         if self.state.leaves_trail:
             now.run.trail.drop_crumb(now.odom)
         step = self.state.tick(now)
         if step.then is not None:
-            self._change(now, step.then, step.reason)
+            self.change(now, step.then, step.reason)
         self._note_motion(now, step.wish)
         self._report(now)
         return step.wish
 
     # ------------------------------------------------------------------ changes
 
-    def _change(self, now: Situation, then: State | Name, reason: str) -> None:
+    def begin(self, now: Situation, job: Job, errand: State | None = None) -> None:
+        """A new run: `job`, or an `errand` instead of it."""
+        docked = now.contact.charging
+        self.run = now.run = RunRecord(job, errand, from_dock=docked, started_ns=now.t_ns)
+        if errand is None:
+            now.swept.begin_anew()
+        first: Name = "undock" if docked else "work" if errand is not None else "look"
+        what = job.what if errand is None else errand.name
+        self.set_off(now, first, f"{what} was requested")
+
+    def set_off(self, now: Situation, then: State | Name, reason: str) -> None:
+        """Change to a state that drives, and clear a stop that is held before."""
+        self.change(now, Starting(then, reason) if now.latched else then, reason)
+
+    def change(self, now: Situation, then: State | Name, reason: str) -> None:
+        """Go on with another state; the reason is for people."""
+        if then == "work":
+            then = self.run.errand or WORK[self.run.job.kind]()
         self.state = STATES[then]() if isinstance(then, str) else then
         self.reason = reason
         self._moving_since = self._denied_ns = None
         self.state.enter(now)
         self._reported_ns = None
 
-    def _carry_out(self, request: Request, now: Situation) -> None:
-        """Requests that make no sense in the present state are ignored."""
-        state, verb = self.state, request.verb
-        if verb == "start" and isinstance(state, Idle | Done | Error):
-            self.run = now.run = RunRecord(started_ns=now.t_ns)
-            self._set_off(now, "undock" if now.contact.charging else "look", verb)
-        elif verb == "pause" and state.active:
-            now.desk.drop()
-            self._change(now, Paused(state), "pause was requested")
-        elif verb == "resume" and isinstance(state, Paused):
-            self._set_off(now, state.before, verb)
-        elif verb == "stop" and not isinstance(state, Idle):
-            now.desk.drop()
-            now.orders.append(StopOrder(now.t_ns, "stop was requested"))
-            self._change(now, Idle(), "stop was requested")
-        elif verb == "dock" and not isinstance(state, Return | Dock) and not now.contact.charging:
-            self.run.dock_tries = 0
-            self._set_off(now, "return", verb)
-
-    def _set_off(self, now: Situation, then: State | Name, verb: str) -> None:
-        reason = f"{verb} was requested"
-        self._change(now, Starting(then, reason) if now.latched else then, reason)
-
     # ------------------------------------------------------------------ the watch
 
     def _watch(self, now: Situation) -> None:
         """What may happen in any active state."""
         state, config = self.state, now.config
+        if self._emergency(now):
+            return
         trouble = self._trouble(now) if state.guarded else None
         if trouble is not None:
-            self._change(now, Recover(trouble[0], state.after_trouble), trouble[1])
+            self.change(now, Recover(trouble[0], state.after_trouble), trouble[1])
             return
-        blind_s = self._denied_s(now)
-        if blind_s > config.denied_give_up_s:
-            reason = f"could not move for {blind_s:.0f} s: {now.gate.verdict.denied}"
-            self._change(now, Error(reason), reason)
+        denied_s = self._denied_s(now)
+        if denied_s > config.denied_give_up_s and not isinstance(state, Lifted):
+            reason = f"could not move for {denied_s:.0f} s: {now.gate.verdict.denied}"
+            self.change(now, Error(reason), reason)
             return
-        if isinstance(state, Return | Dock | Undock | Recover | Starting):
+        if isinstance(state, Dock | Undock | Recover | Starting | Lifted | WheelOnly):
+            return
+        if now.blind_s > config.blind_after_s:
+            reason = f"nothing has been seen for {now.blind_s:.0f} s"
+            self.change(now, WheelOnly(state.after_trouble), reason)
+            return
+        if isinstance(state, Return):
             return
         if now.battery_pct <= config.battery_return_pct:
-            self._change(now, "return", f"the battery is down to {now.battery_pct:.0f} %")
+            self.run.charges = self.run.errand is None
+            self.change(now, "return", f"the battery is down to {now.battery_pct:.0f} %")
         elif seconds(self.run.started_ns, now.t_ns) > config.max_duration_s:
-            self._change(now, "return", "the time for this run is over")
+            self.change(now, "return", "the time for this run is over")
+
+    def _emergency(self, now: Situation) -> bool:
+        """Lifted, or at the end of the battery: whatever it is about, it ends here."""
+        state = self.state
+        if now.contact.wheel_drop and not isinstance(state, Lifted):
+            resume: State | Name = state.after_trouble
+            if isinstance(state, Undock | Starting | Recover | WheelOnly):
+                resume = "look"
+            elif isinstance(state, Dock):
+                resume = "return"
+            self.change(now, Lifted(resume), "it was lifted, or a wheel hangs over an edge")
+            return True
+        if now.battery_pct <= now.config.battery_stop_pct and not now.contact.charging:
+            reason = f"the battery is down to {now.battery_pct:.0f} %: it stopped; carry it home"
+            self.change(now, Error(reason), reason)
+            return True
+        return False
 
     def _trouble(self, now: Situation) -> tuple[Kind, str] | None:
         stop = now.link.stop_reason.lower()
@@ -120,8 +150,10 @@ class Mission:
             side = "left" if now.contact.bump_left else "right"
             both = now.contact.bump_left == now.contact.bump_right
             return "bump", f"the bumper was pressed {'in front' if both else 'on the ' + side}"
-        if now.latched and not now.contact.wheel_drop:
-            return "stop", f"the motor controller stopped: {now.link.stop_reason}"
+        if now.latched:
+            return "stop", f"the motor controller stopped: {_in_words(now.link.stop_reason)}"
+        if now.slipping:
+            return "slip", "the wheels turn, but the floor does not pass"
         if self._stuck(now):
             return "stuck", f"the robot has not moved for {now.config.stuck_s:.0f} s"
         return None
@@ -159,3 +191,8 @@ class Mission:
         now.orders.append(
             MissionState(now.t_ns, self.state.name, self.reason, now.swept.area_m2, remaining_m2)
         )
+
+
+def _in_words(stop_reason: str) -> str:
+    """The motor controller's word, for people."""
+    return {"stall": "a wheel does not turn (stall)"}.get(stop_reason, stop_reason)

@@ -1,9 +1,8 @@
-"""Getting out of trouble: back off, remember what was touched, turn, go on. Bounded."""
+"""Getting out of trouble: back off, remember what was touched, turn, go on. Bounded (`ladder`)."""
 
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 import numpy as np
 
@@ -11,28 +10,27 @@ from robot.control.follow import turn_rate_radps
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import wrap_angle
 from robot.mission.drive import matter_near
-from robot.mission.rest import CLEAR_TIMEOUT_S, give_up
+from robot.mission.ladder import (
+    RETRACE_FROM,
+    RUNGS,
+    SAYS,
+    WIGGLE_FROM,
+    Kind,
+    Phase,
+    back_off_m,
+    exhausted,
+)
+from robot.mission.rest import give_up
 from robot.mission.retrace import Retrace
 from robot.mission.state import Latch, Situation, State, Step, seconds
 
-Kind = Literal["bump", "cliff", "blocked", "stuck", "enclosed", "stop"]
-
 BACK_MPS = 0.08
-BACK_TIMEOUT_S = 4.0
-TURN_TIMEOUT_S = 4.0
 TURN_DONE_RAD = 0.1
-PIVOT_RADPS, PIVOT_TIMEOUT_S, PIVOT_FREE_S = 0.8, 4.0, 0.2
-MAX_BACK_M = 0.3
-RETRACE_FROM, RETRACE_M = 3, 0.4
+PIVOT_RADPS, PIVOT_FREE_S = 0.8, 0.2
+WIGGLE_RADPS, WIGGLE_MPS, WIGGLE_EVERY_S = 1.0, 0.06, 0.6
+RETRACE_M = 0.4
+RETRACE_ENCLOSED_M = 1.5
 GRAZE_BACK_M, GRAZE_TURN_RAD = 0.03, 0.25  # a wall brushed with one side needs no more
-SAYS = {
-    "bump": "touched something",
-    "cliff": "came to a cliff",
-    "blocked": "the way is blocked",
-    "stuck": "does not get on although it tries",
-    "enclosed": "sees no way on",
-    "stop": "was stopped by the motor controller",
-}
 SIDES_RAD = {"left": (0.0, 1.5), "right": (-1.5, 0.0), "front": (-0.5, 0.5)}
 TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was touched
 TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
@@ -59,40 +57,55 @@ class Recover(State):
         run = now.run
         if now.driven_m - run.trouble_at_m > now.config.recover_reset_m:
             run.troubles = 0
+        if run.troubles == 0:
+            run.trouble_since_ns, run.trouble_back_m = now.t_ns, 0.0
         run.troubles += 1
         self._try = run.troubles
-        self._since_ns = now.t_ns
-        self._phase = "clear"
-        self._start = now.odom
+        self._stop = now.link.stop_reason
+        self._next(now, "wait" if self._kind == "blocked" and self._try == 1 else "clear")
         self._pivoted, self._touched_ns = False, now.t_ns
         self._pivot_way = 1.0 if self._try % 2 else -1.0
         self._turn_to_rad = now.odom.yaw_rad + self._turn_rad(now)
-        self._back_m = now.config.back_off_m * (1.0 + 0.5 * (self._try - 1))
-        if self._kind == "cliff":
-            self._back_m *= 1.5
-        self._back_m = min(self._back_m, MAX_BACK_M)
+        self._back_m = back_off_m(now, self._kind, self._try)
         if self._grazes(now):
             self._back_m = GRAZE_BACK_M
         run.trail.cut(GRAZE_BACK_M)
         self._mark(now)
+        self._hopeless = exhausted(now, self._kind, self._try, self._stop)
 
     def tick(self, now: Situation) -> Step:
-        if self._try > now.config.recover_tries:
-            return give_up(f"the robot {SAYS[self._kind]}, gave up after {self._try - 1} tries")
-        passed_s = seconds(self._since_ns, now.t_ns)
+        if self._hopeless:
+            return give_up(self._hopeless)
+        if self._phase == "wait":
+            return self._wait(now)
         if self._phase == "clear":
             if self._latch.clear(now, f"the robot {SAYS[self._kind]} and backs off"):
                 self._next(now, "back")
-            elif passed_s > CLEAR_TIMEOUT_S:
+            elif self._spent(now):
                 return give_up(f"the motor controller keeps its stop: {now.link.stop_reason}")
             return Step(halt("waiting for the motor controller"))
+        if now.latched:
+            self._stop = now.link.stop_reason
         if not self._latch.clear(now, "the stop came again while backing off"):
+            if seconds(self._since_ns, now.t_ns) > 2.0 * RUNGS["clear"].limit_s:
+                return give_up(f"the motor controller keeps its stop: {now.link.stop_reason}")
             return Step(halt("waiting for the motor controller"))
-        return {"back": self._back, "pivot": self._pivot, "turn": self._turn}[self._phase](now)
+        return {
+            "back": self._back,
+            "pivot": self._pivot,
+            "turn": self._turn,
+            "wiggle": self._wiggle,
+        }[self._phase](now)
+
+    def _wait(self, now: Situation) -> Step:
+        """Whoever stands in the way may go by itself."""
+        if self._spent(now):
+            self._next(now, "clear")
+        return Step(halt("waiting whether the way becomes free"))
 
     def _back(self, now: Situation) -> Step:
-        passed_s = seconds(self._since_ns, now.t_ns)
-        if self._start.distance_m(now.odom) >= self._back_m or passed_s > BACK_TIMEOUT_S:
+        if now.driven_m - self._from_m >= self._back_m or self._spent(now):
+            now.run.trouble_back_m += now.driven_m - self._from_m
             self._next(now, "pivot" if now.touching else "turn")
         return Step(Wish(-BACK_MPS, 0.0, reason="backing off"))
 
@@ -100,8 +113,7 @@ class Recover(State):
         """Still touching although it backed: something is behind, too. One wheel backs round."""
         if now.touching:
             self._touched_ns = now.t_ns
-        passed_s = seconds(self._since_ns, now.t_ns)
-        if seconds(self._touched_ns, now.t_ns) > PIVOT_FREE_S or passed_s > PIVOT_TIMEOUT_S:
+        if seconds(self._touched_ns, now.t_ns) > PIVOT_FREE_S or self._spent(now):
             self._turn_to_rad = now.odom.yaw_rad
             self._next(now, "turn")
         if now.contact.bump_left != now.contact.bump_right:
@@ -116,21 +128,49 @@ class Recover(State):
             self._touched_ns = now.t_ns
             self._next(now, "pivot")
             return Step(halt("touching again"))
-        late = seconds(self._since_ns, now.t_ns) > TURN_TIMEOUT_S
-        if abs(error) < TURN_DONE_RAD or late or now.touching or now.contact.cliff:
-            now.run.trouble_at_m = now.driven_m
-            if self._kind == "enclosed" or self._try >= RETRACE_FROM:
-                back = Retrace(RETRACE_M * (self._try - RETRACE_FROM + 1), self._resume)
-                return Step(then=back, reason="backing off is not enough, going back its own way")
-            return Step(then=self._resume, reason="free again, making a new plan")
+        stands = abs(error) < TURN_DONE_RAD or self._spent(now)
+        if stands or now.touching or now.contact.cliff:
+            held = self._kind in ("stuck", "stop", "slip") and self._try >= WIGGLE_FROM
+            if held and not now.touching and not now.contact.cliff:
+                self._next(now, "wiggle")
+                return Step(halt("held by something"))
+            return self._over(now)
         return Step(Wish(0.0, turn_rate_radps(error, now.robot), reason="turning away"))
 
-    def _next(self, now: Situation, phase: str) -> None:
-        self._phase, self._since_ns = phase, now.t_ns
+    def _wiggle(self, now: Situation) -> Step:
+        """Short arcs to and fro: off a cable, out of a carpet's edge."""
+        if self._spent(now) or now.touching or now.contact.cliff:
+            return self._over(now)
+        swing = int(seconds(self._since_ns, now.t_ns) / WIGGLE_EVERY_S)
+        way = 1.0 if swing % 2 else -1.0
+        v_mps = WIGGLE_MPS if swing % 4 == 3 else -WIGGLE_MPS
+        return Step(Wish(v_mps, way * WIGGLE_RADPS, reason="wiggling"))
+
+    def _over(self, now: Situation) -> Step:
+        """This try is done: a new plan, or the own way back before it."""
+        now.run.trouble_at_m = now.driven_m
+        if self._kind == "enclosed" or self._try >= RETRACE_FROM:
+            distance_m = RETRACE_M * (self._try - RETRACE_FROM + 1)
+            if self._kind == "enclosed":
+                distance_m = RETRACE_ENCLOSED_M
+            back = Retrace(distance_m, self._resume)
+            return Step(then=back, reason="backing off is not enough, going back its own way")
+        return Step(then=self._resume, reason="free again, making a new plan")
+
+    def _next(self, now: Situation, phase: Phase) -> None:
+        self._phase: Phase = phase
+        self._since_ns, self._from_m = now.t_ns, now.driven_m
+
+    def _spent(self, now: Situation) -> bool:
+        """Whether this rung has had its time or its way."""
+        rung = RUNGS[self._phase]
+        if seconds(self._since_ns, now.t_ns) > rung.limit_s:
+            return True
+        return now.driven_m - self._from_m > rung.limit_m > 0.0
 
     def _turn_rad(self, now: Situation) -> float:
         """Away from what was touched; farther at each try, in alternate directions."""
-        if self._try == 1 and self._kind in ("blocked", "stop"):
+        if self._try == 1 and self._kind in ("blocked", "stop", "slip"):
             return 0.0
         angle = min(0.5 * self._try, 0.9 * math.pi)
         if self._grazes(now):
@@ -147,7 +187,8 @@ class Recover(State):
     def _mark(self, now: Situation) -> None:
         """Write into the map what was met, so that the next plan avoids it."""
         contact = now.contact
-        if self._kind in ("bump", "stuck"):
+        held = self._kind in ("stop", "slip") and self._try >= 2
+        if self._kind in ("bump", "stuck") or held:
             side = "front" if contact.bump_left == contact.bump_right else "left"
             side = "right" if side == "left" and contact.bump_right else side
             now.grid.mark_obstacle(_touched(now, *SIDES_RAD[side], STRIP_M * self._try))

@@ -7,10 +7,10 @@ import numpy as np
 from robot.control.follow import Follower
 from robot.control.wish import Wish
 from robot.messages import Path
+from robot.mission.ladder import RETRACE
 from robot.mission.state import Situation, State, Step, seconds
 
 SPEED_MPS = 0.12
-TIMEOUT_S = 40.0
 
 
 class Retrace(State):
@@ -19,7 +19,7 @@ class Retrace(State):
     name = "retrace"
 
     def __init__(self, distance_m: float, resume: State) -> None:
-        self._distance_m = distance_m
+        self._distance_m = min(distance_m, RETRACE.limit_m)
         self._resume = resume
         self._follower: Follower | None = None
 
@@ -37,7 +37,7 @@ class Retrace(State):
 
     def tick(self, now: Situation) -> Step:
         follower = self._follower
-        late = seconds(self._since_ns, now.t_ns) > TIMEOUT_S
+        late = seconds(self._since_ns, now.t_ns) > RETRACE.limit_s
         if follower is None or follower.done or late:
             return Step(then=self._resume, reason="back where it came from, making a new plan")
         steering = follower.steer(now.odom)

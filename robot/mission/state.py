@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -10,20 +11,27 @@ from robot.control.safety import SafetyGate
 from robot.control.wish import Wish
 from robot.geometry.se2 import SE2
 from robot.mapping.grid import OccupancyGrid
+from robot.mapping.notes import MapNotes
 from robot.mapping.swept import SweptFloor
 from robot.messages import ClearOrder, Command, Contact, Grid, LinkState
 from robot.mission.desk import PlanDesk
 from robot.mission.dock_sight import DockSight
+from robot.mission.job import Job
 from robot.mission.trail import Trail
 
 CLEAR_EVERY_S = 0.3
-Name = Literal["undock", "look", "clean", "return", "dock", "done"]
+Name = Literal["undock", "look", "work", "return", "dock", "done", "charge"]
 
 
 @dataclass(slots=True)
 class RunRecord:
     """What one cleaning run must remember across its states."""
 
+    job: Job = field(default_factory=Job)
+    errand: State | None = None  # to be done instead of the job
+    from_dock: bool = True  # it began there, and will end there
+    charges: bool = False  # the battery sends it home: afterwards it goes on
+    dock_moves: int = 0  # times the dock was found elsewhere
     started_ns: int = 0
     plans: int = 0
     looks: int = 0
@@ -32,6 +40,8 @@ class RunRecord:
     dock_tries: int = 0
     troubles: int = 0  # since the robot last drove on freely
     trouble_at_m: float = 0.0  # distance driven when the last one ended
+    trouble_since_ns: int = 0  # when the first of them began
+    trouble_back_m: float = 0.0  # backed off since then
     trail: Trail = field(default_factory=Trail)
 
 
@@ -59,6 +69,11 @@ class Situation:
     robot: RobotConfig
     control: ControlConfig
     config: MissionConfig
+    notes: MapNotes = field(default_factory=MapNotes)
+    blind_s: float = 0.0  # how long nothing useful has been seen
+    slipping: bool = False  # the wheels turn, but the floor does not pass
+    recognised: float = 1.0  # share of what was seen lately that the map knows; NaN: too little
+    settle: Callable[[], None] = lambda: None  # the pose is right although nobody was sure of it
     run: RunRecord = field(default_factory=RunRecord)
     orders: list[Command] = field(default_factory=list)  # besides driving
 

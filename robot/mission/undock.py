@@ -44,6 +44,8 @@ class Undock(State):
         docked = self._docked or now.odom
         if docked.distance_m(now.odom) >= now.config.undock_m:
             now.sight.learn(now.t_ns, docked)
+            if now.run.errand is not None:
+                return Step(then="work", reason="out of the dock")
             return Step(then="look", reason="out of the dock, looking around")
         return Step(Wish(-now.control.back_mps, 0.0, reason="backing out of the dock"))
 

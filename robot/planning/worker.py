@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from msgspec import structs
 
 from robot.config import PlanningConfig, RobotConfig
 from robot.geometry.se2 import SE2
@@ -25,6 +28,8 @@ def plan(order: PlanOrder, planning: PlanningConfig, robot: RobotConfig) -> Plan
     if space is None:
         found = CoveragePlan(_NOWHERE, 0.0, "the robot fits nowhere near its place")
         return _answer(order, _NOWHERE, found)
+    if not order.explore:
+        planning = structs.replace(planning, min_unseen_m2=math.inf)
     if order.kind == "coverage":
         found = plan_coverage(space, planning, robot)
     elif order.goal is None:

@@ -38,7 +38,7 @@ from robot.messages import (
     Tick,
     WheelTravel,
 )
-from robot.planning.worker import plan
+from robot.mission.worker import make_answer
 
 NS = 1_000_000_000
 TICK_NS = NS // 50
@@ -116,7 +116,7 @@ class Flatland:
             self._order = command
             self.drives.append(command)
         elif isinstance(command, PlanOrder):
-            answer = plan(command, self.config.planning, self.config.robot)
+            answer = make_answer(command, self.config.planning, self.config.robot)
             at_ns = command.t_ns + NS * 3 // 10
             self._plans.append(
                 Planned(at_ns, answer.order_id, answer.path, answer.remaining_m2, answer.reason)
