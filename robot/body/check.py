@@ -9,10 +9,9 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from robot.body.sources import open_calibration, open_depth, open_stereo
+from robot.body.sources import open_calibration, open_depth, open_imu, open_stereo
 from robot.config import Config
 from robot.errors import HardwareError, SweeperError
-from robot.hardware.imu_i2c import Imu, open_bus
 from robot.hardware.wheels import WheelBridge, open_wheels
 from robot.messages import LinkState, StopOrder
 
@@ -124,7 +123,7 @@ def _wheels(config: Config) -> str:
 
 
 def _gyro(config: Config) -> str:
-    imu = Imu(open_bus(config.robot.i2c_bus))
+    imu = open_imu(config)
     return f"{imu.name} answers"
 
 

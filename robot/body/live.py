@@ -20,6 +20,7 @@ from robot.body.notify import Notifier
 from robot.config import Config
 from robot.hardware.wheels import WheelBridge
 from robot.messages import (
+    Battery,
     Command,
     Event,
     ImuSample,
@@ -30,11 +31,14 @@ from robot.messages import (
     StereoFrame,
     Tick,
 )
-from robot.planning.worker import plan
+from robot.mission.worker import make_answer
 
 NS = 1_000_000_000
 TICK_NS = NS // 50
 REST_NS = 2 * NS  # at rest before a start, for the gyro's bias
+FEED_NS, STATUS_NS, GAUGE_NS = NS // 2, NS, NS
+# A worker that is silent for longer hangs: a camera may take long to come back, a plan to be made.
+PATIENCE_NS = {"see": 40 * NS, "plan": 120 * NS}
 
 
 class StereoSource(Protocol):
@@ -55,6 +59,12 @@ class Gyro(Protocol):
     """A turn-rate sensor read on demand."""
 
     def read(self) -> ImuSample | None: ...
+
+
+class Gauge(Protocol):
+    """A battery gauge read on demand."""
+
+    def read(self) -> Battery | None: ...
 
 
 class YawTrack:
@@ -86,9 +96,12 @@ class YawTrack:
 class Worker(threading.Thread):
     """Runs `step` until stopped; an exception ends the thread and is kept for the loop to raise."""
 
-    def __init__(self, name: str, step: Callable[[], None]) -> None:
+    def __init__(
+        self, name: str, step: Callable[[], None], clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
         super().__init__(name=name, daemon=True)
-        self._step = step
+        self._step, self._clock = step, clock
+        self.beat_ns = clock()
         self._stopping = threading.Event()
         self.error: BaseException | None = None
 
@@ -96,6 +109,7 @@ class Worker(threading.Thread):
         """Thread body."""
         try:
             while not self._stopping.is_set():
+                self.beat_ns = self._clock()
                 self._step()
         except BaseException as error:
             self.error = error
@@ -116,6 +130,7 @@ class LiveBody:
         wheels: WheelBridge,
         *,
         gyro: Gyro | None = None,
+        gauge: Gauge | None = None,
         control: ControlSocket | None = None,
         recorder: Recorder | None = None,
         notifier: Notifier | None = None,
@@ -127,13 +142,18 @@ class LiveBody:
         self._wheels, self._gyro, self._control = wheels, gyro, control
         self._recorder, self._notifier, self._clock = recorder, notifier or Notifier(""), clock
         self._duration_s = duration_s
+        self._gauge, self._gauge_due_ns, self._gauged_ns = gauge, 0, -(10**18)
+        self._feed_due_ns = self._status_due_ns = 0
         self._yaw = YawTrack()
         self._last_frame_ns = 0
         self._last_seq = -1
         self._seen: queue.SimpleQueue[Seen] = queue.SimpleQueue()
         self._orders: queue.Queue[PlanOrder] = queue.Queue()
         self._planned: queue.SimpleQueue[Planned] = queue.SimpleQueue()
-        self._workers = [Worker("see", self._see_one), Worker("plan", self._plan_one)]
+        self._workers = [
+            Worker("see", self._see_one, clock),
+            Worker("plan", self._plan_one, clock),
+        ]
         self.frames = 0
         self.frames_dropped = 0
         self._start = start
@@ -155,7 +175,7 @@ class LiveBody:
                 self._start = False
                 yield Request(self._clock(), "start")
             yield Tick(self._clock())
-            self._notifier.send("WATCHDOG=1")
+            self._notify(self._clock())
             for worker in self._workers:
                 if worker.error is not None:
                     raise worker.error
@@ -181,8 +201,32 @@ class LiveBody:
 
     # ------------------------------------------------------------------ parts
 
+    def _notify(self, now_ns: int) -> None:
+        """Feed the watchdog while everything lives; say once a second how it is."""
+        hung = [w.name for w in self._workers if now_ns - w.beat_ns > PATIENCE_NS[w.name]]
+        if now_ns >= self._feed_due_ns and not hung:
+            self._feed_due_ns = now_ns + FEED_NS
+            self._notifier.send("WATCHDOG=1")
+        if now_ns >= self._status_due_ns:
+            self._status_due_ns = now_ns + STATUS_NS
+            self._notifier.send("STATUS=" + ("; ".join(self.problems()) or "ok"))
+
+    def problems(self) -> list[str]:
+        """What is wrong with the devices now: the code of `sweeper check`, and the cause."""
+        devices = {"camera": self._camera, "imu": self._gyro, "battery": self._gauge}
+        said = {code: getattr(device, "problem", "") for code, device in devices.items()}
+        return [f"{code}: {problem}" for code, problem in said.items() if problem]
+
     def _inputs(self, now_ns: int) -> Iterator[Event]:
-        yield from self._wheels.poll(now_ns)
+        for event in self._wheels.poll(now_ns):
+            # The gauge knows better than the motor controller's voltage divider, while it answers.
+            if not (isinstance(event, Battery) and now_ns - self._gauged_ns < 5 * GAUGE_NS):
+                yield event
+        if self._gauge is not None and now_ns >= self._gauge_due_ns:
+            self._gauge_due_ns = now_ns + GAUGE_NS
+            if (battery := self._gauge.read()) is not None:
+                self._gauged_ns = now_ns
+                yield battery
         if self._gyro is not None and (sample := self._gyro.read()) is not None:
             self._yaw.add(sample)
             yield sample
@@ -214,6 +258,12 @@ class LiveBody:
             order = self._orders.get(timeout=0.2)
         except queue.Empty:
             return
-        while not self._orders.empty():  # newest wins
-            order = self._orders.get()
-        self._planned.put(plan(order, self._config.planning, self._config.robot))
+        while not self._orders.empty():  # newest wins, of paths and of rooms
+            newer = self._orders.get()
+            if (newer.kind == "rooms") != (order.kind == "rooms"):
+                self._answer(order)
+            order = newer
+        self._answer(order)
+
+    def _answer(self, order: PlanOrder) -> None:
+        self._planned.put(make_answer(order, self._config.planning, self._config.robot))

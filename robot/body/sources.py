@@ -14,8 +14,10 @@ from pathlib import Path
 from robot.config import CameraConfig, Config
 from robot.errors import CalibrationError, ConfigError, HardwareError, ModelError
 from robot.geometry.stereo import StereoCamera
+from robot.hardware.battery_i2c import BatteryGauge, Pack
 from robot.hardware.frames_folder import FramesFolder
-from robot.hardware.imu_i2c import Imu, open_bus
+from robot.hardware.i2c import open_bus
+from robot.hardware.imu_i2c import Imu
 from robot.hardware.libcamera_stereo import LibcameraStereo
 from robot.hardware.stereo import StereoSource, WatchedStereo
 from robot.hardware.uvc import UvcStereo
@@ -129,10 +131,38 @@ def camera_names(camera: CameraConfig) -> list[str]:
     return names
 
 
+def open_imu(config: Config) -> Imu:
+    """The IMU. Raises HardwareError when it is missing or fails its set-up."""
+    sensors = config.sensors
+    bus = open_bus(config.robot.i2c_bus)
+    return Imu(bus, axis=sensors.imu_axis, bias_radps=sensors.imu_bias_radps)
+
+
 def open_gyro(config: Config) -> Imu | None:
     """The gyro, or None when it is missing: the robot then drives degraded."""
     try:
-        return Imu(open_bus(config.robot.i2c_bus))
+        return open_imu(config)
+    except HardwareError:
+        return None
+
+
+def open_battery_gauge(config: Config) -> BatteryGauge:
+    """The battery gauge. Raises HardwareError when it does not answer."""
+    sensors = config.sensors
+    return BatteryGauge(
+        open_bus(config.robot.i2c_bus),
+        pack=Pack(sensors.cells, sensors.capacity_ah, sensors.internal_ohm),
+        shunt_ohm=sensors.shunt_ohm,
+        address=sensors.gauge_address,
+    )
+
+
+def open_gauge(config: Config) -> BatteryGauge | None:
+    """The battery gauge, or None when there is none: the motor controller's voltage serves."""
+    if config.sensors.gauge == "none":
+        return None
+    try:
+        return open_battery_gauge(config)
     except HardwareError:
         return None
 

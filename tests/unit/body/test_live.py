@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot.body.live import LiveBody, YawTrack
+from robot.body.live import PATIENCE_NS, LiveBody, YawTrack
 from robot.config import Config
 from robot.geometry.se2 import SE2
 from robot.hardware.fakes import FakeStereo
 from robot.messages import (
+    Battery,
     DriveCommand,
     Grid,
     ImuSample,
@@ -156,3 +157,74 @@ def test_yaw_is_unknown_before_the_first_sample():
         yaw.add(ImuSample(k * 20_000_000, 2.0))
     assert yaw.change_rad(40_000_000, 140_000_000) == pytest.approx(0.2)
     assert math.isnan(yaw.change_rad(-1, 140_000_000))
+
+
+class Listener:
+    """A notifier that remembers."""
+
+    def __init__(self):
+        self.said = []
+
+    def send(self, state):
+        self.said.append(state)
+
+
+class BatteryGauge:
+    """A gauge that answers until it is told to fall silent."""
+
+    problem = ""
+
+    def __init__(self):
+        self.silent = False
+
+    def read(self):
+        return None if self.silent else Battery(time.monotonic_ns(), 15.0, 60.0)
+
+
+class PoweredWheels(Wheels):
+    """A bridge that also tells the motor controller's voltage."""
+
+    def poll(self, now_ns):
+        return [*super().poll(now_ns), Battery(now_ns, 14.0, 50.0)]
+
+
+def test_the_gauge_is_believed_before_the_motor_controller_while_it_answers():
+    wheels, gauge = PoweredWheels(), BatteryGauge()
+    body = LiveBody(Config(), Camera([]), Eyes(), wheels, gauge=gauge, duration_s=0.3)
+    heard = {e.voltage_v for e in list(body.events())[3:] if isinstance(e, Battery)}
+    body.close()
+    assert 15.0 in heard or not heard
+    assert 14.0 not in heard
+    gauge.silent = True
+    body = LiveBody(Config(), Camera([]), Eyes(), wheels, gauge=gauge, duration_s=0.3)
+    assert {e.voltage_v for e in body.events() if isinstance(e, Battery)} == {14.0}
+    body.close()
+
+
+def test_systemd_is_told_that_it_lives_and_what_is_wrong():
+    listener = Listener()
+    camera = Camera([])
+    camera.problem = "unplugged"
+    body = LiveBody(Config(), camera, Eyes(), Wheels(), notifier=listener, duration_s=1.3)
+    list(body.events())
+    body.close()
+    assert listener.said[0] == "READY=1" and listener.said[-1] == "STOPPING=1"
+    assert 2 <= listener.said.count("WATCHDOG=1") <= 4  # not at every beat
+    assert "STATUS=camera: unplugged" in listener.said
+
+
+def test_the_watchdog_starves_when_a_worker_hangs(monkeypatch):
+    monkeypatch.setitem(PATIENCE_NS, "see", 200_000_000)
+    listener = Listener()
+
+    class Stuck(Eyes):
+        def see(self, frame, arrived_ns):
+            time.sleep(1.6)
+            return super().see(frame, arrived_ns)
+
+    body = LiveBody(
+        Config(), Camera(frames(0)), Stuck(), Wheels(), notifier=listener, duration_s=1.4
+    )
+    list(body.events())
+    assert listener.said.count("WATCHDOG=1") == 1
+    body.close()
