@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -33,6 +34,9 @@ EXIT_CODES = (
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code. User mistakes end as one sentence on stderr."""
+    for pool in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        # Matrices are small here: threads would wait for each other, on a busy core for long.
+        os.environ.setdefault(pool, "1")
     arguments = parser().parse_args(argv)
     verb: Callable[[argparse.Namespace], int] = arguments.function
     try:
@@ -95,10 +99,10 @@ def parser() -> argparse.ArgumentParser:
     )
     check.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
 
-    ask = _verb(verbs, "ask", "ask a running robot: start, pause, resume, stop, dock", _ask)
-    ask.add_argument("verb", metavar="REQUEST")
-    ask.add_argument("args", nargs="*")
-    ask.add_argument("--socket", type=Path, default=Path("/run/sweeper/control.sock"))
+    from robot.body.asking import add_ask_options
+
+    ask = _verb(verbs, "ask", "ask a running robot: start, dock, clean rooms, go to, ...", _ask)
+    add_ask_options(ask)
 
     from robot.serve.verbs import add_options as add_serve_options
 
@@ -212,11 +216,11 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _ask(arguments: argparse.Namespace) -> int:
-    from robot.body.control import ask
+    from robot.body.asking import ask_for, sentences
 
-    answer = ask(arguments.socket, arguments.verb, arguments.args)
+    answer = ask_for(arguments)
     if arguments.json != "-":
-        print(answer.get("reason", ""))
+        print(sentences(answer))
     _write_json(arguments.json, answer)
     return EXIT_DONE if answer.get("accepted") else EXIT_USAGE
 

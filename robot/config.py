@@ -37,6 +37,7 @@ class RobotConfig(Section):
     dock_marker_id: Annotated[int, Meta(ge=0, le=49)] = 7  # ArUco dictionary 4x4_50
     dock_marker_size_m: Positive = 0.09
     dock_width_m: Positive = 0.20
+    buzzer: str = ""  # a file that sounds it with 1, such as /sys/class/leds/buzzer/brightness
 
 
 class CameraConfig(Section):

@@ -21,7 +21,8 @@ RIGHTS: dict[str, set[str]] = {
     "planning": TABLE,
     "control": TABLE,
     "mission": TABLE | {"mapping", "planning", "control"},
-    "brain": TABLE | {"slam", "mapping", "planning", "control", "mission"},
+    "home": TABLE | {"slam", "mapping"},
+    "brain": TABLE | {"home", "slam", "mapping", "planning", "control", "mission"},
     "hardware": TABLE | {"firmware_bridge"},
     "sim": TABLE,
     "log": TABLE,
@@ -29,7 +30,7 @@ RIGHTS: dict[str, set[str]] = {
     "serve": {"errors", "body"},  # of body, the stream's frames only
 }
 PURE = {"geometry", "messages", "perception", "slam", "mapping", "planning", "control", "mission"}
-PURE_FILES = {"brain", "run"}
+PURE_FILES = {"brain", "home", "run"}
 IMPURE_MODULES = {
     "time", "threading", "os", "random", "multiprocessing", "subprocess", "socket", "tempfile",
     "datetime", "asyncio", "concurrent", "secrets", "shutil", "pathlib", "io", "glob", "select",

@@ -183,14 +183,20 @@ def replay(
         if from_frames:
             perception = (make_perception or _perception)(log.header)
         body = ReplayedBody(log, perception)
-        run(body, (make_brain or _brain)(log.header.config()), _NoLog())
+        if make_brain is None:
+            brain = _brain(log.header, str(path))
+        else:
+            brain = make_brain(log.header.config())
+        run(body, brain, _NoLog())
         return body.result
 
 
-def _brain(config: Config) -> Brain:
+def _brain(header: LogHeader, name: str) -> Brain:
+    from robot.body.home_file import decode_home
     from robot.brain import Brain
 
-    return Brain(config)
+    home = decode_home(header.home, f"the map in {name}") if header.home else None
+    return Brain(header.config(), home)
 
 
 def _perception(header: LogHeader) -> Sees:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import dataclass, field
 
 from robot import __version__
@@ -21,7 +22,8 @@ class LogHeader:
     `config_toml` is the effective configuration, `camera` the rectified pair that perception
     works on, `calibration` the text of the raw pair's calibration file (empty: frames are already
     rectified) and `calibration_name` its file name. `wall_time` (ISO 8601) is the only wall clock
-    time in a log. `extra` is for people, and for the hash of the network.
+    time in a log. `home` is the file of the map that the run began with (empty: none). `extra` is
+    for people, and for the hash of the network.
     """
 
     config_toml: str
@@ -33,6 +35,7 @@ class LogHeader:
     body: str = ""
     wall_time: str = ""
     software: str = __version__
+    home: bytes = b""
     extra: dict[str, str] = field(default_factory=dict)
 
     def config(self) -> Config:
@@ -52,6 +55,7 @@ class LogHeader:
             "body": self.body,
             "wall_time": self.wall_time,
             "software": self.software,
+            "home": base64.b64encode(self.home).decode(),
             **{f"extra.{key}": value for key, value in self.extra.items()},
         }
 
@@ -76,6 +80,7 @@ class LogHeader:
                 body=data["body"],
                 wall_time=data["wall_time"],
                 software=data["software"],
+                home=base64.b64decode(data.get("home", ""), validate=True),
                 extra={k[6:]: v for k, v in data.items() if k.startswith("extra.")},
             )
         except (KeyError, ValueError) as error:

@@ -10,6 +10,7 @@ noisy one range is.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +22,20 @@ from robot.messages import Grid, Scan
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 _NEAR_M = 0.02  # nearer than this before the eye nothing can be seen
 _RIM_M = 0.05  # slack for the pose's error when a touched place is found to be free
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridMemory:
+    """A grid to begin with: evidence float32 and touched cells bool, both (rows, columns).
+
+    Cell (0, 0) has its outer corner at (`ix0`, `iy0`) times `resolution_m` in `world`.
+    """
+
+    resolution_m: float
+    ix0: int
+    iy0: int
+    log_odds: np.ndarray
+    sticky: np.ndarray
 
 
 class OccupancyGrid:
@@ -86,6 +101,27 @@ class OccupancyGrid:
         part = self._log_odds[self._window.slices(window)]
         self._sticky[self._window.slices(window)] &= far_m2 > max(0.0, radius_m - _RIM_M) ** 2
         part[inside] = np.minimum(part[inside], -2.0 * self._config.free_below)
+
+    def memory(self) -> GridMemory:
+        """Copy what is known, cut to it."""
+        rows, columns = (
+            np.flatnonzero(((self._log_odds != 0.0) | self._sticky).any(axis=a)) for a in (1, 0)
+        )
+        if len(rows) == 0:
+            return GridMemory(self._config.resolution_m, 0, 0, *_no_cells())
+        part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+        ix0, iy0 = self._window.ix0 + int(columns[0]), self._window.iy0 + int(rows[0])
+        log_odds, sticky = self._log_odds[part].copy(), self._sticky[part].copy()
+        return GridMemory(self._config.resolution_m, ix0, iy0, log_odds, sticky)
+
+    def restore(self, memory: GridMemory) -> None:
+        """Begin with `memory`; one of another resolution is not known and leaves nothing."""
+        if memory.log_odds.size == 0 or memory.resolution_m != self._config.resolution_m:
+            return
+        rows, columns = memory.log_odds.shape
+        self._window = Window(memory.ix0, memory.iy0, memory.ix0 + columns, memory.iy0 + rows)
+        self._log_odds = memory.log_odds.astype(np.float32)
+        self._sticky = memory.sticky.astype(bool)
 
     def snapshot(self) -> Grid:
         """The grid as a message, cut to what is known (at least one cell)."""
@@ -158,3 +194,7 @@ class OccupancyGrid:
         self._sticky = moved(self._sticky, self._window, new)
         self._window = new
         return True
+
+
+def _no_cells() -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros((0, 0), np.float32), np.zeros((0, 0), bool)

@@ -69,6 +69,7 @@ class Entry:
     bits: list[np.ndarray]
     sightings: int
     visits: int  # times it was found again by its signature
+    born_ns: int
     last_seen_ns: int
     refused: int = 0  # sightings in a row that did not fit
 
@@ -101,7 +102,7 @@ class Catalogue:
 
     def add(self, kind: int, height_m: float, bits: np.ndarray, track: int, t_ns: int) -> None:
         """Append the entry of a landmark that was appended to the filter."""
-        entry = Entry(len(self.entries), kind, height_m, [bits], 1, 1, t_ns)
+        entry = Entry(len(self.entries), kind, height_m, [bits], 1, 1, t_ns, t_ns)
         self.entries.append(entry)
         if track >= 0:
             self.by_track[track] = entry
@@ -131,6 +132,10 @@ class Catalogue:
         """
         last = np.array([entry.last_seen_ns for entry in self.entries], dtype=np.int64)
         return np.where(t_ns - last > AWAY_NS, view_sigma_m, 0.0)
+
+    def familiar(self, t_ns: int, age_ns: int) -> int:
+        """How many of the landmarks seen at `t_ns` were known `age_ns` before."""
+        return sum(e.last_seen_ns == t_ns and t_ns - e.born_ns > age_ns for e in self.entries)
 
     def kinds(self) -> np.ndarray:
         """Kind (n,) of each landmark."""

@@ -155,6 +155,11 @@ class PoseHistory:
             keep = bisect_left(self._t_ns, t_ns - _KEEP_NS)
             del self._t_ns[:keep], self._pose[:keep]
 
+    def clear(self) -> None:
+        """Forget all: the poses before were wrong."""
+        self._t_ns.clear()
+        self._pose.clear()
+
     def at(self, t_ns: int) -> tuple[SE2, np.ndarray]:
         """Pose and covariance at `t_ns`, interpolated; the nearest end outside the memory."""
         i = bisect_right(self._t_ns, t_ns)

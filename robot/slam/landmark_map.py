@@ -16,7 +16,7 @@ from robot.slam.association import (
     pose_evidence,
     quadratic,
 )
-from robot.slam.catalogue import Catalogue, Observations
+from robot.slam.catalogue import Catalogue, Entry, Observations
 from robot.slam.ekf import MARKER, POSE, YAW, LandmarkFilter
 from robot.slam.provisional import Waiting
 from robot.slam.sensor import expected_marker, locate, locate_marker, residual
@@ -53,6 +53,30 @@ class LandmarkMap:
         if t_ns - self._pruned_ns > _PRUNE_NS:
             self._pruned_ns = t_ns
             self._prune(t_ns)
+
+    @property
+    def entries(self) -> list[Entry]:
+        """What is known of each landmark of the filter, in its order."""
+        return self._catalogue.entries
+
+    @entries.setter
+    def entries(self, entries: list[Entry]) -> None:
+        self._catalogue = Catalogue(entries)
+
+    def familiar(self, t_ns: int, age_ns: int) -> int:
+        """How many of the landmarks seen at `t_ns` were known `age_ns` before."""
+        return self._catalogue.familiar(t_ns, age_ns)
+
+    def move_on(self, born_after_ns: int) -> None:
+        """The robot is elsewhere: nothing is followed any more, what was new is not believed."""
+        self._catalogue.by_track.clear()
+        self._waiting = Waiting(self._config)
+        self._odd_frames = 0
+        born = np.array([entry.born_ns for entry in self._catalogue.entries], dtype=np.int64)
+        kept = np.flatnonzero(born <= born_after_ns)
+        if len(kept) < len(born):
+            self._ekf.keep(kept)
+            self._catalogue.keep(kept)
 
     def correct_by_marker(self, marker: Marker) -> None:
         """Anchor to the dock's marker: its first sight places it, later ones correct the pose."""

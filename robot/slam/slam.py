@@ -121,7 +121,7 @@ class Slam:
         """Lost: no correction by landmarks until places tell the pose for certain."""
         pose = self._finder.search(seen)
         if pose is not None:
-            self._map.move_on(self._finder.sure_ns or 0)
+            self._map.move_on(self._finder.placed_ns)
             self.put(pose, FOUND_COV)
 
     def _start(self, t_ns: int) -> None:

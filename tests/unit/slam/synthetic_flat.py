@@ -140,10 +140,13 @@ def wheel_travel(poses: np.ndarray, rng: np.random.Generator, faults: Faults) ->
 class Eye:
     """Keeps tracks alive while their points are seen."""
 
-    def __init__(self, rng: np.random.Generator, faults: Faults, per_m: float) -> None:
+    def __init__(
+        self, rng: np.random.Generator, faults: Faults, per_m: float, home: int | None
+    ) -> None:
         self.rng, self.faults = rng, faults
-        self.place, self.height = scatter_points(rng, per_m)
-        self.bits = rng.integers(0, 2, (len(self.place), 256)).astype(bool)
+        home_rng = rng if home is None else np.random.default_rng(home)
+        self.place, self.height = scatter_points(home_rng, per_m)
+        self.bits = home_rng.integers(0, 2, (len(self.place), 256)).astype(bool)
         self.track = np.full(len(self.place), -1)
         self.bias = np.zeros(len(self.place))
         self.next_track = 0
@@ -218,14 +221,18 @@ def drive(
     path: np.ndarray | None = None,
     per_m: float = 28.0,
     with_motion: bool = True,
+    home: int | None = None,
 ) -> Drive:
-    """Drive through the flat; the same seed gives the same drive. Frames arrive 60 ms late."""
+    """Drive through the flat; the same seed gives the same drive. Frames arrive 60 ms late.
+
+    What there is to see follows from `home`, if given, so that two drives can share it.
+    """
     faults = Faults() if faults is None else faults
     rng = np.random.default_rng(seed)
     poses = drive_poses(sweep_path() if path is None else path, limit_s)
     wheels = wheel_travel(poses, rng, faults)
     bias = rng.uniform(-1, 1) * faults.gyro_bias_radps
-    eye = Eye(rng, faults, per_m)
+    eye = Eye(rng, faults, per_m, home)
     rate = np.diff(poses[:, 2], prepend=0.0)
     rate = ((rate + math.pi) % (2 * math.pi) - math.pi) / TICK_S
     rate += bias + rng.normal(0, faults.gyro_noise_radps, len(rate))

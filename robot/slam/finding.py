@@ -1,0 +1,115 @@
+"""Does the robot still know where it is? And if not, where is it?
+
+While all is well, every frame adds to the places of the home. Now and then the points around the
+robot are compared with all places, and often when no landmark that has long been known was seen for
+some seconds (unknown ground, or somebody carried the robot). If they speak for another pose, the
+robot is lost: it believes nothing but odometry until a pose is certain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from robot.config import SlamConfig
+from robot.geometry.se2 import SE2, wrap_angle
+from robot.messages import Seen
+from robot.slam.places import PlaceMap, PlacePoints, Tracks
+from robot.slam.relocalise import Glimpse, Relocaliser
+
+FAMILIAR_NS = 10_000_000_000  # a landmark known for so long was not born of an error just made
+_FAMILIAR_COUNT = 3
+_DOUBT_NS = 1_500_000_000  # without a familiar landmark for so long, the pose is checked
+_QUARANTINE_NS = 30_000_000_000
+_DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 4_000_000_000
+_APART_M, _APART_RAD = 0.4, 0.35  # drift stays below: found farther away, the robot was carried
+_APART_SIGMAS = 4.0
+FOUND_COV = np.diag([0.08, 0.08, 0.03]) ** 2
+
+
+class SelfFinder:
+    """Keeps the places of the home and judges the pose by them."""
+
+    def __init__(self, config: SlamConfig, places: PlacePoints | None = None) -> None:
+        self._config = config
+        self.places = PlaceMap(config.max_places, *(() if places is None else (places,)))
+        self._tracks = Tracks()
+        self._waiting: deque[tuple[int, PlacePoints]] = deque()
+        self._relocaliser = Relocaliser()
+        self._local_from_base = SE2()
+        self.lost = False
+        self._sure_ns: int | None = None  # when familiar landmarks last spoke for the pose
+        self.placed_ns = 0  # when places last did
+
+    def moved(self, previous_from_current: SE2) -> None:
+        """Carry the local frame along with the odometry."""
+        self._local_from_base = self._local_from_base @ previous_from_current
+
+    def lose(self) -> None:
+        """The robot does not know where it is any more; what it saw before is of no use."""
+        self.lost = True
+        self._drop_new()
+        self._relocaliser = Relocaliser()
+
+    def found(self, t_ns: int) -> None:
+        """The robot knows where it is."""
+        self.lost = False
+        self._sure_ns = self.placed_ns = t_ns
+        self._drop_new()
+
+    def search(self, seen: Seen) -> SE2 | None:
+        """While lost: world_from_base at the frame's time, once it is certain."""
+        glimpse = self._look(seen, _DOUBTING_EVERY_NS)
+        if glimpse is None or not glimpse.confirmed:
+            return None
+        return glimpse.map_from_local @ self._local_from_base
+
+    def judge(self, seen: Seen, familiar: int, pose: SE2, cov: np.ndarray) -> None:
+        """While not lost: remember places, or find that the pose is wrong and be lost.
+
+        `familiar` landmarks were recognised in the frame at `pose` with covariance (3, 3).
+        """
+        if familiar >= _FAMILIAR_COUNT or self._sure_ns is None:
+            self._sure_ns = seen.t_ns
+        self._learn(seen, pose)
+        in_doubt = seen.t_ns - self._sure_ns > _DOUBT_NS
+        if in_doubt:
+            glimpse = self._look(seen, _DOUBTING_EVERY_NS, self._sure_ns)
+        else:
+            glimpse = self._look(seen, _CALM_EVERY_NS)
+        if glimpse is None:
+            return
+        if self._contradicts(glimpse.map_from_local @ self._local_from_base, pose, cov):
+            self.lost = True  # the relocaliser goes on with what it has seen
+            self._drop_new()
+        else:
+            self._sure_ns = self.placed_ns = seen.t_ns
+
+    def _learn(self, seen: Seen, pose: SE2) -> None:
+        """New places wait, so that an error of the pose is not confirmed by what it made."""
+        self._tracks.add(seen.t_ns, seen.landmarks, pose)
+        ended = self._tracks.take_ended(seen.t_ns, self._config.place_sightings)
+        if len(ended):
+            self._waiting.append((seen.t_ns, ended))
+        while self._waiting and seen.t_ns - self._waiting[0][0] > _QUARANTINE_NS:
+            self.places.add(self._waiting.popleft()[1])
+
+    def _drop_new(self) -> None:
+        self._tracks.clear()
+        self._waiting.clear()
+
+    def _look(self, seen: Seen, every_ns: int, since_ns: int = 0) -> Glimpse | None:
+        places = self.places.points
+        where = self._local_from_base
+        return self._relocaliser.look(seen.t_ns, seen.landmarks, where, places, every_ns, since_ns)
+
+    @staticmethod
+    def _contradicts(found: SE2, pose: SE2, cov: np.ndarray) -> bool:
+        sigma_m = math.sqrt(max(0.0, float(np.linalg.eigvalsh(cov[:2, :2])[-1])))
+        sigma_rad = math.sqrt(max(0.0, float(cov[2, 2])))
+        away_m = math.hypot(found.x_m - pose.x_m, found.y_m - pose.y_m)
+        away_rad = abs(wrap_angle(found.yaw_rad - pose.yaw_rad))
+        far = away_m > max(_APART_M, _APART_SIGMAS * sigma_m)
+        return far or away_rad > max(_APART_RAD, _APART_SIGMAS * sigma_rad)

@@ -1,0 +1,129 @@
+"""Carried away, lifted, switched off and on again: the robot knows that, and finds itself."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_flat import Drive, drive
+
+from robot.config import RobotConfig, SlamConfig
+from robot.geometry.se2 import SE2
+from robot.messages import PoseEstimate, Seen
+from robot.slam.memory import SlamMemory
+from robot.slam.slam import Slam
+
+S = 1_000_000_000
+ROUND = np.array(  # through a door, round a room and back
+    [(0, 0), (-0.5, 0), (-1.8, -0.8), (-3.2, -0.8), (-4.4, -2.0), (-3.0, -2.0), (-3.0, -0.9),
+     (-1.7, -0.8), (-0.6, -1.6), (-0.6, 0.8), (-0.5, 0.0), (0.3, 0.0)],
+    dtype=float,
+)  # fmt: skip
+SURE = np.diag([0.02, 0.02, 0.02]) ** 2
+CONFIG, ROBOT = SlamConfig(), RobotConfig()
+HOME, PER_M = 5, 16.0
+
+
+@pytest.fixture(scope="module")
+def ride() -> Drive:
+    """A later drive through the known flat, by another way round."""
+    return drive(12, path=ROUND[[0, 1, 9, 8, 7, 6, 5, 4, 3, 2, 1]], per_m=PER_M, home=HOME)
+
+
+def play(
+    slam: Slam, ride: Drive, from_s: float, to_s: float, shift_s: float = 0.0
+) -> list[tuple[float, PoseEstimate, float]]:
+    """A part of the ride, told to have happened `shift_s` later: (t_s, estimate, error_m)."""
+    truth = dict(zip(ride.truth_t_ns.tolist(), ride.truth, strict=True))
+    shift_ns, told = round(shift_s * S), []
+    for event in ride.events:
+        if not from_s * S <= event.t_ns < to_s * S:
+            continue
+        t_ns = event.t_ns + shift_ns
+        if not isinstance(event, Seen):
+            slam.odometry(replace(event, t_ns=t_ns))
+            continue
+        estimate = slam.see(replace(event, t_ns=t_ns, arrived_ns=event.arrived_ns + shift_ns))
+        pose, true = estimate.world_from_base, truth[event.t_ns]
+        error_m = math.hypot(pose.x_m - true[0], pose.y_m - true[1])
+        told.append(((event.t_ns * 1e-9) - from_s, estimate, error_m))
+    return told
+
+
+@pytest.fixture(scope="module")
+def memory() -> SlamMemory:
+    """What a robot knows that has driven through the flat, and back."""
+    slam = Slam(CONFIG, ROBOT)
+    before = drive(11, path=np.vstack([ROUND, ROUND[::-1]]), per_m=PER_M, home=HOME)
+    told = play(slam, before, 0.0, math.inf)
+    assert all(estimate.health == "ok" for _, estimate, _ in told)
+    return slam.memory()
+
+
+def awake(memory: SlamMemory, ride: Drive, at_s: float) -> Slam:
+    """A robot that was put down at a place of the ride, knows where, and looks for a while."""
+    slam = Slam(CONFIG, ROBOT, memory)
+    true = ride.truth[int(np.searchsorted(ride.truth_t_ns, at_s * S))]
+    slam.put(SE2(*true.tolist()), SURE)
+    play(slam, ride, at_s, at_s + 12.0)
+    return slam
+
+
+def test_a_restart_on_the_dock_goes_on_within_five_centimetres(
+    memory: SlamMemory, ride: Drive
+) -> None:
+    slam = Slam(CONFIG, ROBOT, memory)
+    slam.put(SE2(*(ride.truth[0] + [0.02, -0.015, 0.02]).tolist()), SURE)
+    told = play(slam, ride, 0.0, 20.0)
+    assert all(estimate.health == "ok" for _, estimate, _ in told)
+    assert max(error_m for t_s, _, error_m in told if t_s > 10.0) < 0.05
+
+
+@pytest.mark.parametrize("at_s", [5.0, 25.0, 45.0])
+def test_waking_up_somewhere_it_finds_itself(memory: SlamMemory, ride: Drive, at_s: float) -> None:
+    slam = Slam(CONFIG, ROBOT, memory)
+    told = play(slam, ride, at_s, at_s + 20.0)
+    assert told[0][1].health == "lost"
+    found = [(t_s, error_m) for t_s, estimate, error_m in told if estimate.health != "lost"]
+    assert found, "never found itself"
+    assert found[0][0] < 15.0
+    assert max(error_m for _, error_m in found) < 0.3
+    assert found[-1][1] < 0.1
+
+
+@pytest.mark.parametrize("to_s", [5.0, 20.0])
+def test_lifted_and_put_elsewhere(memory: SlamMemory, ride: Drive, to_s: float) -> None:
+    slam = awake(memory, ride, 40.0)
+    slam.lift()
+    told = play(slam, ride, to_s, to_s + 20.0, shift_s=52.0 - to_s)
+    assert told[0][1].health == "lost"
+    found = [error_m for _, estimate, error_m in told if estimate.health != "lost"]
+    assert found
+    assert max(found) < 0.3
+
+
+@pytest.mark.parametrize("to_s", [5.0, 20.0])
+def test_carried_away_unnoticed_it_notices(memory: SlamMemory, ride: Drive, to_s: float) -> None:
+    slam = awake(memory, ride, 40.0)
+    told = play(slam, ride, to_s, to_s + 25.0, shift_s=52.0 - to_s)
+    lost_s = min(t_s for t_s, estimate, _ in told if estimate.health == "lost")
+    assert lost_s < 8.0
+    found = [error_m for t_s, estimate, error_m in told if t_s > lost_s and estimate.health == "ok"]
+    assert found
+    assert max(found) < 0.3
+    assert found[-1] < 0.1
+
+
+def test_in_a_foreign_home_it_stays_lost(memory: SlamMemory) -> None:
+    slam = Slam(CONFIG, ROBOT, memory)
+    told = play(slam, drive(12, limit_s=30.0), 0.0, 30.0)
+    assert all(estimate.health == "lost" for _, estimate, _ in told)
+
+
+def test_a_memory_of_a_memory_is_the_same(memory: SlamMemory) -> None:
+    again = Slam(CONFIG, ROBOT, memory).memory()
+    for name in ("kind", "height_m", "sightings", "visits", "signature", "signature_of"):
+        assert np.array_equal(getattr(again, name), getattr(memory, name), equal_nan=True), name
+    assert np.array_equal(again.state[3:], memory.state[3:])
+    assert np.array_equal(again.cov[3:, 3:], memory.cov[3:, 3:])
+    assert np.array_equal(again.places.xy_m, memory.places.xy_m)
