@@ -38,7 +38,7 @@ IMPURE_MODULES = {
 HEAVY = {"numba", "trimesh", "onnxruntime", "filterpy", "mcap", "rich", "torch", "scipy", "serial"}
 HEAVY_AT_TOP = {
     "robot/sim": {"numba"},
-    "robot/slam/ekf.py": {"filterpy"},
+    "robot/slam/ekf.py": {"filterpy", "scipy"},
     "robot/log": {"mcap"},
     "models": {"torch", "onnxruntime"},
 }
