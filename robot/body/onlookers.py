@@ -35,7 +35,7 @@ class Onlookers:
         self._looking: Looking | None = None
         self.control: ControlSocket | None = None
         if socket is not None:
-            self.control = ControlSocket(socket)
+            self.control = ControlSocket(socket, judged=True)
             stack.callback(self.control.close)
 
     def look_through(self, perception: Looking) -> None:

@@ -16,7 +16,6 @@ import numpy as np
 
 from robot import __version__
 from robot.body.base import EventLog
-from robot.body.control import VERBS
 from robot.body.stream import PROTOCOL
 from robot.messages import (
     Battery,
@@ -32,6 +31,7 @@ from robot.messages import (
     Seen,
     Tick,
 )
+from robot.mission.verbs import VERBS
 
 NS = 1_000_000_000
 VIEW_NS = 400_000_000  # 2.5 Hz, as often as the brain looks at its own map
@@ -83,7 +83,8 @@ class Outlook:
             "software": __version__,
             "body": body,
             "radius_m": radius_m,
-            "verbs": list(VERBS),
+            "verbs": [verb.name for verb in VERBS],
+            "commands": [verb.as_dict() for verb in VERBS],
         }
         self.wanted = False
         self.wake: Callable[[], None] = lambda: None

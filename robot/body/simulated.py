@@ -19,8 +19,11 @@ from robot.body.base import Recorder
 from robot.body.control import ControlSocket
 from robot.body.eyes import Eyes
 from robot.config import Config
+from robot.hardware.fakes import FakeBuzzer
 from robot.hardware.wheels import WheelBridge, make_link
 from robot.messages import (
+    Answer,
+    Beep,
     Command,
     Event,
     ImuSample,
@@ -30,7 +33,7 @@ from robot.messages import (
     Request,
     Tick,
 )
-from robot.planning.worker import plan
+from robot.mission.worker import make_answer
 
 if TYPE_CHECKING:
     from robot.sim.base import SimBase
@@ -82,6 +85,7 @@ class SimulatedBody:
         self._pwm = (0.0, 0.0)
         self._start = start
         self._control = control
+        self.buzzer = FakeBuzzer()
         self.stage_ms: dict[str, list[float]] = {}
         self.frames = 0
         self.frames_dropped = 0
@@ -114,9 +118,14 @@ class SimulatedBody:
         """Drive the world through the serial bridge; plans are made at once and answered later."""
         if isinstance(command, PlanOrder):
             before_ns = time.perf_counter_ns()
-            answer = plan(command, self._config.planning, self._config.robot)
+            answer = make_answer(command, self._config.planning, self._config.robot)
             self._timed("plan", before_ns)
             self._planned.append((command.t_ns + PLAN_LATENCY_NS, answer))
+        elif isinstance(command, Answer):
+            if self._control is not None:
+                self._control.answer(command)
+        elif isinstance(command, Beep):
+            self.buzzer.beep(command.t_ns)
         elif isinstance(command, MissionState):
             # Who waits for a start waits for the next one, too.
             if command.state not in ("done", "error") or not self._start:

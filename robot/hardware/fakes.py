@@ -8,6 +8,17 @@ from collections.abc import Iterable
 from robot.messages import StereoFrame
 
 
+class FakeBuzzer:
+    """Hears every beep."""
+
+    def __init__(self) -> None:
+        self.beeps: list[int] = []  # times
+
+    def beep(self, now_ns: int) -> None:
+        """Remember when."""
+        self.beeps.append(now_ns)
+
+
 class FakeChip:
     """A device of byte registers; unset ones read 0, as after power-up."""
 

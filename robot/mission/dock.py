@@ -28,7 +28,9 @@ BACK_MPS = 0.10
 FIND_S = 1.2  # looked for at the expected place before turning round
 FIND_SIGHTINGS = 3
 FIND_NS = 1_500_000_000
-SEARCH_RADPS = 0.5
+SEARCH_RADPS = 0.6
+MOVED_M, MOVED_RAD = 0.25, 0.6  # the map errs less: farther off, the dock was moved
+MAX_MOVES = 3
 SEARCH_RAD = 2.0 * math.pi
 TRY_TIMEOUT_S = 60.0
 CHARGE_WAIT_S = 0.6  # the charge contact may close a little after the bumper
@@ -50,6 +52,8 @@ class Dock(State):
 
     def tick(self, now: Situation) -> Step:
         if now.contact.charging:
+            if now.run.charges:
+                return Step(then="charge", reason="docked, charging before it goes on")
             return Step(then="done", reason="docked and charging")
         if now.contact.cliff:
             return give_up("a cliff before the dock, the robot does not know where it is")
@@ -81,18 +85,32 @@ class Dock(State):
             self._phase_ns = now.t_ns
             return Step(Wish(0.0, turn_rate_radps(error, now.robot, 0.8), reason="facing the dock"))
         if self._found(now):
-            self._go(now, "approach")
-        elif seconds(self._phase_ns, now.t_ns) > FIND_S:
+            return self._sighted(now)
+        if seconds(self._phase_ns, now.t_ns) > FIND_S:
             self._go(now, "search")
         return Step(halt("looking for the dock's marker"))
 
     def _search(self, now: Situation) -> Step:
         """One slow turn; a marker seen on the way stops it."""
         if self._found(now):
-            self._go(now, "approach")
-        elif now.turned_rad - self._phase_turned_rad > SEARCH_RAD:
+            return self._sighted(now)
+        if now.turned_rad - self._phase_turned_rad > SEARCH_RAD:
             return self._fail(now, "the dock's marker was not seen")
         return Step(Wish(0.0, SEARCH_RADPS, reason="searching for the dock's marker"))
+
+    def _sighted(self, now: Situation) -> Step:
+        """Come in; but where the dock stands elsewhere than the map says, go before it first."""
+        seen = now.sight.docked(now.t_ns, 0.0, 1e3)  # by what is seen alone
+        known = now.sight.world_from_docked
+        if seen is not None and known is not None and now.run.dock_moves < MAX_MOVES:
+            world_from_docked = now.pose @ now.odom.inverse() @ seen
+            off = known.inverse() @ world_from_docked
+            if math.hypot(off.x_m, off.y_m) > MOVED_M or abs(off.yaw_rad) > MOVED_RAD:
+                now.run.dock_moves += 1
+                now.sight.world_from_docked = world_from_docked
+                return Step(then="return", reason="the dock was moved, going before its new place")
+        self._go(now, "approach")
+        return Step(halt("the dock's marker is in sight"))
 
     # ------------------------------------------------------------------ coming in
 
@@ -138,8 +156,6 @@ class Dock(State):
     def _fail(self, now: Situation, why: str) -> Step:
         self._why_failed = why
         now.run.dock_tries += 1
-        if now.run.dock_tries >= now.config.dock_tries:
-            return give_up(f"docking failed {now.run.dock_tries} times: {why}")
         self._go(now, "back")
         return Step(halt(why))
 
@@ -149,5 +165,8 @@ class Dock(State):
             return Step(halt("waiting for the motor controller"))
         backed = self._phase_odom.distance_m(now.odom) >= BACK_M
         if backed or seconds(self._phase_ns, now.t_ns) > BACK_M / BACK_MPS + 3.0:
+            tries = now.run.dock_tries
+            if tries >= now.config.dock_tries:  # it waits before the dock
+                return give_up(f"docking failed {tries} times: {self._why_failed}")
             return Step(then="return", reason=f"{self._why_failed}, trying again")
         return Step(Wish(-BACK_MPS, 0.0, reason="backing off from the dock"))

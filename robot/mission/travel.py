@@ -27,6 +27,7 @@ class Return(State):
         self._since_ns: int | None = None
         self._stage = 0
         self._unanswered = 0
+        self._no_way_ns: int | None = None  # since when no route was driven
         self._blocked_at_m: float | None = None
 
     def enter(self, now: Situation) -> None:
@@ -47,7 +48,7 @@ class Return(State):
             if answer is None or len(answer.path.points_m) == 0:
                 why = "no answer" if answer is None else answer.reason
                 return self._another_stage(now, why)
-            self._drive = Drive(answer.path, now, cleans=False)
+            self._drive, self._no_way_ns = Drive(answer.path, now, cleans=False), None
         if now.desk.waited_s(now.t_ns) > now.config.plan_timeout_s:
             self._unanswered += 1
             if self._unanswered >= MAX_UNANSWERED:
@@ -71,8 +72,12 @@ class Return(State):
         now.desk.order(now.t_ns, "route", now.pose, now.orders, self._goal(now))
 
     def _another_stage(self, now: Situation, why: str) -> Step:
-        """Try the next distance; after a round of them, get free first."""
+        """Try the next distance; after a round of them, get free first. Not for ever."""
         self._stage += 1
+        if self._no_way_ns is None:
+            self._no_way_ns = now.t_ns
+        elif seconds(self._no_way_ns, now.t_ns) > now.config.no_way_s:
+            return give_up(f"no way leads to the dock ({why}); open one, or carry the robot")
         if self._stage % len(STAGES_M) == 0:
             return Step(then=Recover("enclosed", self), reason=f"no way to the dock: {why}")
         self._order(now)

@@ -13,6 +13,7 @@ import numpy as np
 from robot.config import RobotConfig, SimConfig
 from robot.geometry.se2 import SE2, exp
 from robot.sim.collide import inside, nearest
+from robot.sim.faults import Faults
 from robot.sim.world import World
 
 FULL_SPEED_MPS = 0.6  # rim speed at full PWM, of ordinary motors
@@ -25,6 +26,7 @@ SAME_SIDE = 0.8  # cosine between two touches of one wall
 ROUNDING_M = 1e-9
 RELEASE_M = 0.002  # the bumper's spring
 FULL_V, EMPTY_V, CAPACITY_AH, CHARGE_A = 16.4, 12.8, 2.6, 1.0
+CUT_OFF_V = 10.0  # where the pack's own protection ends it
 
 
 class SimBase:
@@ -65,6 +67,7 @@ class SimBase:
         self.cliff = self.wheel_drop = self.cliff_entered = False
         self.contacts: list[tuple[float, float]] = []
         self.battery_v = FULL_V
+        self.faults = Faults()
 
     # ------------------------------------------------------------------ what sensors read
 
@@ -107,22 +110,37 @@ class SimBase:
         before = self._wheel_mps
         share = 1.0 - math.exp(-dt_s / self._sim.motor_lag_s)
         self._wheel_mps = before + share * (target - before)
+        slip, still = self.faults.held(
+            self.world_from_base.x_m, self.world_from_base.y_m, left_pwm + right_pwm > 0.0
+        )
+        for wheel in still:
+            self._wheel_mps[wheel] = before[wheel] = 0.0
         rolled = 0.5 * (before + self._wheel_mps) * dt_s
         noise = self._sim.encoder_noise * np.sqrt(np.abs(rolled)) * self._rng.normal(size=2)
         self._rolled_m += (rolled + noise) * self._scale
-        left, right = (rolled * (1.0 - self._slip)).tolist()
+        left, right = (rolled * (1.0 - np.maximum(self._slip, slip))).tolist()
         turned = (right - left) / self._robot.track_width_m
         self._move(exp(0.5 * (left + right), 0.0, turned), dt_s)
         drawn_a = self.motor_current_a - (CHARGE_A if self.charging else 0.0)
         volts = (FULL_V - EMPTY_V) * drawn_a * dt_s / (3600.0 * CAPACITY_AH)
-        self.battery_v = min(FULL_V, max(EMPTY_V, self.battery_v - volts))
+        self.battery_v = min(FULL_V, max(CUT_OFF_V, self.battery_v - volts))
+
+    def lift(self) -> None:
+        """Take the robot up: its wheels drop, and it stays in the air until `carry_to`."""
+        self.wheel_drop = True
 
     def carry_to(self, pose: SE2) -> None:
         """Lift the robot and put it elsewhere (scene coordinates)."""
         self.world_from_base = pose
         self._pressed = []
-        self.bump_left = self.bump_right = False
+        self.bump_left = self.bump_right = self.wheel_drop = False
         self._look_down()
+
+    def rebuild(self, world: World) -> None:
+        """The world has changed: a door, a box, the dock. The robot stays where it is."""
+        self._world, self._all_segments = world, world.segments()
+        self._gathered = SE2(math.inf, 0.0, 0.0)
+        self._cliffs = [np.ascontiguousarray(c, dtype=np.float64) for c in world.cliffs]
 
     def _move(self, motion: SE2, dt_s: float) -> None:
         if self.wheel_drop:
@@ -178,6 +196,8 @@ class SimBase:
             if abs(bearing) < FRONT_RAD:
                 self.bump_left |= bearing > -BOTH_SIDES_RAD
                 self.bump_right |= bearing < BOTH_SIDES_RAD
+        if self.faults.bump_held:
+            self.bump_left = self.bump_right = True
 
     def _felt(self, normal: tuple[float, float]) -> bool:
         """Whether the rim already touched something on that side in the last step."""

@@ -30,6 +30,7 @@ LANDMARK_RANGE_M = (0.35, 4.0)
 SIGMA_U_PX, SIGMA_D_PX = 0.35, 0.2
 SIDE_SIGMA_M, SIDES = 0.012, 12  # a landmark from another side is not quite the same point
 SEEN_AGE = 5  # frames until a point in sight is old enough
+HOME_SEED = 77
 FLIPPED_BITS = 12  # of a signature's 256, from look to look
 MAX_LANDMARKS = 30
 STEP_SIGMA_M, STEP_SIGMA_RAD = 0.003, 0.002
@@ -43,9 +44,8 @@ class DrawnSight:
         self._world, self._config = world, config
         self._camera = config.camera.stereo_camera()
         self._rng = np.random.default_rng([seed, 77])
-        occupied, self._x0, self._y0 = world.occupancy(CELL_M)
-        far = cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, 5)
-        self._far_m = far * CELL_M
+        self.dark = False
+        self.rebuild(world)
         half_u = (self._camera.width_px - 1) / 2.0
         column = np.linspace(half_u, -half_u, FAN)
         self._fan_rad = np.arctan2(column, self._camera.focal_px)
@@ -53,16 +53,29 @@ class DrawnSight:
             self._fan_rad[-1], self._fan_rad[0], config.perception.scan_bearings
         )
         self._eye = SE2(config.camera.x_m, config.camera.y_m)
-        self._landmarks_m, self._heights_m = self._scatter()
-        self._bits = self._rng.integers(0, 2, (len(self._heights_m), 256), dtype=np.uint8)
+        home = np.random.default_rng(HOME_SEED)  # what there is to see is the same in every run
+        self._landmarks_m, self._heights_m = self._scatter(home)
+        self._bits = home.integers(0, 2, (len(self._heights_m), 256), dtype=np.uint8)
         self._age = np.zeros(len(self._heights_m), int)
         self._track = np.full(len(self._heights_m), -1)
         self._tracks = 0
         self._marker_track = -1
         self._before: SE2 | None = None
 
+    def rebuild(self, world: World) -> None:
+        """The world has changed; landmarks stay where they were, unless something hides them."""
+        self._world = world
+        occupied, self._x0, self._y0 = world.occupancy(CELL_M)
+        far = cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, 5)
+        self._far_m = far * CELL_M
+
     def see(self, t_ns: int, arrived_ns: int, seq: int, world_from_base: SE2) -> Seen:
-        """What one frame from this pose (scene coordinates) would have shown."""
+        """What one frame from this pose (scene coordinates) would have shown; nothing if `dark`."""
+        if self.dark:
+            unknown = np.full(len(self._bearings), np.nan)
+            scan = Scan(self._bearings, unknown, np.zeros(len(self._bearings)))
+            self._before, self._age = None, np.zeros_like(self._age)
+            return Seen(t_ns, arrived_ns, seq, (), scan, 0.0)
         scan = self._scan(world_from_base)
         marker = self._marker(world_from_base)
         landmarks = self._points(world_from_base) + self._marker_landmark(marker)
@@ -124,15 +137,15 @@ class DrawnSight:
 
     # ------------------------------------------------------------------ landmarks
 
-    def _scatter(self) -> tuple[np.ndarray, np.ndarray]:
+    def _scatter(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Places (n, 2) on the outlines of things, and heights (n,)."""
         places = []
         for x0, y0, x1, y1 in self._world.segments():
-            count = self._rng.poisson(math.hypot(x1 - x0, y1 - y0) / LANDMARK_EVERY_M)
-            t = self._rng.random(count)[:, None]
+            count = rng.poisson(math.hypot(x1 - x0, y1 - y0) / LANDMARK_EVERY_M)
+            t = rng.random(count)[:, None]
             places.append(np.array([[x0, y0]]) * (1.0 - t) + np.array([[x1, y1]]) * t)
         points = np.concatenate(places) if places else np.zeros((0, 2))
-        return points, self._rng.uniform(*LANDMARK_HEIGHT_M, len(points))
+        return points, rng.uniform(*LANDMARK_HEIGHT_M, len(points))
 
     def _points(self, pose: SE2) -> list[Landmark]:
         eye = pose @ self._eye

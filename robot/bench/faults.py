@@ -1,0 +1,293 @@
+"""`sweeper bench faults`: twelve things that go wrong, many times each.
+
+A fault is *resolved* when the robot works on without trouble, or has done what the fault demands
+(docked, charging), and *announced* when it stands with a reason that names the trouble. Both count
+from the moment the robot met the fault.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from msgspec import structs
+
+from robot.bench.trial import Trial, box
+from robot.config import Config
+from robot.errors import SweeperError
+from robot.geometry.se2 import SE2
+from robot.sim.faults import Patch
+from robot.sim.scene import build_scene, parse_scene
+
+SCENE = "flat"
+LIMIT_S = 60.0
+QUIET_S = 12.0  # of work without trouble: it is over
+WORK = frozenset({"clean", "spot", "zone", "room", "goto", "undock", "look"})
+CALM = WORK | {"return", "dock", "charge", "done", "docked"}
+AHEAD_M = 0.26  # from the centre to what lies before the robot
+
+
+@dataclass(frozen=True)
+class Fault:
+    """`ready` says when it may strike; `strike` breaks; `later` may mend, asked every tick.
+
+    `met` are the states in which the robot has met it; none: at once. `ends` are states that end
+    well, `words` what a reason must hold one of.
+    """
+
+    name: str
+    strike: Callable[[Trial], None]
+    words: tuple[str, ...]
+    ready: Callable[[Trial], bool] = lambda trial: trial.state in WORK - {"undock", "look"}
+    later: Callable[[Trial, float], None] = lambda trial, since_s: None
+    met: frozenset[str] = frozenset()
+    ends: frozenset[str] = frozenset()
+    after_s: tuple[float, float] = (18.0, 32.0)
+
+
+def bench_faults(
+    trials: int, names: Sequence[str], config: Config, jobs: int = 1
+) -> dict[str, Any]:
+    """`{"faults": [one row a fault], "trials": [one row a trial]}`. Raises SweeperError."""
+    wanted = [fault.name for fault in FAULTS if not names or fault.name in names]
+    unknown = set(names) - {fault.name for fault in FAULTS}
+    if unknown:
+        known = ", ".join(fault.name for fault in FAULTS)
+        raise SweeperError(f"--faults {min(unknown)}: unknown; choose of {known}.")
+    work = [(name, seed, config) for name in wanted for seed in range(1, trials + 1)]
+    if jobs == 1:
+        rows = [_job(job) for job in work]
+    else:
+        with ProcessPoolExecutor(jobs) as pool:
+            rows = list(pool.map(_job, work))
+    return {"faults": [_sum(name, rows) for name in wanted], "trials": rows}
+
+
+def run_fault(name: str, seed: int, config: Config) -> dict[str, Any]:
+    """One trial, as a row."""
+    fault = next(fault for fault in FAULTS if fault.name == name)
+    trial = Trial(config, SCENE, seed)
+    due_s = float(trial.rng.uniform(*fault.after_s))
+    struck: list[float] = []
+    troubled: list[float] = []
+
+    def script(trial: Trial, t_s: float) -> None:
+        if not struck:
+            if t_s >= due_s and fault.ready(trial):
+                fault.strike(trial)
+                struck.append(t_s)
+                trial.end_s = t_s + LIMIT_S + 2.0 * QUIET_S + (60.0 if fault.met else 0.0)
+            return
+        fault.later(trial, t_s - struck[0])
+        calm = trial.state in CALM and not fault.met and not fault.ends
+        if trial.state not in CALM:
+            troubled[:] = [t_s]
+        elif calm and troubled and t_s - troubled[0] > 1.5 * QUIET_S:
+            trial.end_s = t_s  # it is over
+
+    trial.live(script)
+    return _judge(fault, trial, struck[0] if struck else None)
+
+
+def _judge(fault: Fault, trial: Trial, struck_s: float | None) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "fault": fault.name,
+        "seed": trial.seed,
+        "result": "not met",
+        "after_s": None,
+        "reason": "",
+        "max_contact_mps": max((v for _, v in trial.base.contacts), default=0.0),
+    }
+    if struck_s is None:
+        return row
+    after = [s for s in trial.states if s.t_ns * 1e-9 >= struck_s]
+    met_s = struck_s
+    if fault.met:
+        found = [s.t_ns * 1e-9 for s in after if s.state in fault.met]
+        if not found:
+            return row
+        met_s = found[0]
+    after = [s for s in after if s.t_ns * 1e-9 >= met_s]
+    end = after[-1]
+    named = [s for s in after if any(word in s.reason for word in fault.words)]
+    row["reason"] = (named or [end])[-1].reason
+    troubled = [s.t_ns * 1e-9 for s in after if s.state not in CALM]
+    if not troubled and not fault.ends and not fault.met and not trial.base.faults.entered:
+        return row
+    if end.state in ("error", "idle"):
+        first = next(s for s in after if (s.state, s.reason) == (end.state, end.reason))
+        row["result"] = "announced" if end in named or end.reason == row["reason"] else "other"
+        row["after_s"] = first.t_ns * 1e-9 - met_s
+        if not named:
+            row["result"] = "other"
+    elif end.state in fault.ends:
+        row["result"] = "resolved"
+        row["after_s"] = next(s.t_ns for s in after if s.state in fault.ends) * 1e-9 - met_s
+    elif end.state in CALM and end.t_ns * 1e-9 - max(troubled, default=met_s) >= QUIET_S:
+        row["result"] = "resolved"
+        row["after_s"] = max(troubled, default=met_s) - met_s
+    else:
+        row["result"], row["reason"] = "in trouble", f"{end.state}: {end.reason}"
+    if row["after_s"] is not None and row["after_s"] > LIMIT_S:
+        row["result"] = f"late ({row['result']})"
+    return row
+
+
+def _job(job: tuple[str, int, Config]) -> dict[str, Any]:
+    return run_fault(*job)
+
+
+def _sum(name: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    mine = [row for row in rows if row["fault"] == name]
+    good = [row for row in mine if row["result"] in ("resolved", "announced")]
+    times = [row["after_s"] for row in good]
+    return {
+        "fault": name,
+        "trials": len(mine),
+        "resolved": sum(row["result"] == "resolved" for row in mine),
+        "announced": sum(row["result"] == "announced" for row in mine),
+        "failed": len(mine) - len(good),
+        "slowest_s": round(max(times), 1) if times else None,
+        "max_contact_mps": round(max(row["max_contact_mps"] for row in mine), 3),
+    }
+
+
+# ---------------------------------------------------------------------- the twelve
+
+
+def _slip(trial: Trial) -> None:
+    trial.base.faults.slip = 0.95
+
+
+def _no_slip_later(trial: Trial, since_s: float) -> None:
+    if trial.seed % 2 and since_s > 10.0:
+        trial.base.faults.slip = 0.0
+
+
+def _block(trial: Trial) -> None:
+    trial.base.faults.blocked = trial.seed % 2
+
+
+def _unblock_later(trial: Trial, since_s: float) -> None:
+    if trial.seed % 3 == 0 and since_s > 6.0:
+        trial.base.faults.blocked = None
+
+
+def _carpet(trial: Trial) -> None:
+    edge = box(trial.pose @ SE2(AHEAD_M + 0.1), 0.15, 0.8)
+    trial.base.faults.patches.append(Patch(edge, slip=0.97))
+
+
+def _close_in(trial: Trial) -> None:
+    """Half a square metre is left."""
+    half, thick, at = math.sqrt(0.5) / 2.0, 0.04, trial.pose
+    out, long = half + thick / 2.0, 2.0 * (half + thick)
+    trial.put(
+        box(at @ SE2(out), thick, long),
+        box(at @ SE2(-out), thick, long),
+        box(at @ SE2(0.0, out), long, thick),
+        box(at @ SE2(0.0, -out), long, thick),
+    )
+
+
+def _cable(trial: Trial) -> None:
+    cable = box(trial.pose @ SE2(AHEAD_M), 0.12, 0.5)
+    trial.base.faults.patches.append(Patch(cable, blocks=trial.seed % 2))
+
+
+def _hold_bumper(trial: Trial) -> None:
+    trial.base.faults.bump_held = True
+
+
+def _free_bumper_later(trial: Trial, since_s: float) -> None:
+    if trial.seed % 2 and since_s > 8.0:
+        trial.base.faults.bump_held = False
+
+
+def _lift(trial: Trial) -> None:
+    trial.base.lift()
+
+
+def _put_down_later(trial: Trial, since_s: float) -> None:
+    if since_s > 3.0 and trial.base.wheel_drop:
+        trial.base.carry_to(_elsewhere(trial))
+
+
+def _elsewhere(trial: Trial) -> SE2:
+    """A free place at least a metre away, any heading."""
+    floor = trial.world.reachable(trial.config.robot)
+    rows, columns = np.nonzero(floor.centres)
+    x = floor.origin_x_m + (columns + 0.5) * floor.resolution_m
+    y = floor.origin_y_m + (rows + 0.5) * floor.resolution_m
+    far = np.flatnonzero(np.hypot(x - trial.pose.x_m, y - trial.pose.y_m) > 1.0)
+    k = int(trial.rng.choice(far))
+    return SE2(float(x[k]), float(y[k]), float(trial.rng.uniform(-math.pi, math.pi)))
+
+
+def _away_from_dock(trial: Trial) -> bool:
+    return (
+        trial.state in WORK - {"undock", "look"} and trial.pose.distance_m(trial.world.start) > 1.5
+    )
+
+
+def _close_door(trial: Trial) -> None:
+    """A wall between the robot and its dock, from wall to wall."""
+    here, home = trial.pose, trial.world.start
+    yaw = math.atan2(home.y_m - here.y_m, home.x_m - here.x_m)
+    between = SE2((here.x_m + home.x_m) / 2.0, (here.y_m + home.y_m) / 2.0, yaw)
+    trial.put(box(between, 0.05, 12.0))
+    trial.ask("dock")
+
+
+def _move_dock(trial: Trial) -> None:
+    """Along its wall; its plate goes with it."""
+    text = resources.files("robot.sim").joinpath(f"scenes/{SCENE}.toml").read_text()
+    table = parse_scene(text, SCENE)
+    x, y = table.dock.at
+    moved = structs.replace(table.dock, at=(x, y + float(trial.rng.uniform(0.5, 0.9))))
+    world = build_scene(structs.replace(table, dock=moved), SCENE, trial.config.robot)
+    trial.rebuild(world)
+    trial.ask("dock")
+
+
+def _occupy_dock(trial: Trial) -> None:
+    """Something stands on its plate, or lies before its contacts."""
+    at = trial.world.start
+    if trial.seed % 2:
+        trial.put(box(at @ SE2(0.05), 0.25, 0.25))
+    else:
+        trial.put(box(at @ SE2(0.10), 0.10, 0.06))
+    trial.ask("dock")
+
+
+def _drain(pct: float) -> Callable[[Trial], None]:
+    def drain(trial: Trial) -> None:
+        link = trial.config.link
+        span_v = link.battery_full_v - link.battery_empty_v
+        trial.base.battery_v = link.battery_empty_v + pct / 100.0 * span_v
+
+    return drain
+
+
+_HOMING = Fault("", _slip, (), met=frozenset({"dock"}))
+FAULTS: tuple[Fault, ...] = (
+    Fault("wheel slip", _slip, ("wheels turn",), later=_no_slip_later),
+    Fault("wheel blocked", _block, ("a wheel",), later=_unblock_later),
+    Fault("carpet edge", _carpet, ("wheels turn", "slippery")),
+    Fault("closed in", _close_in, ("closed in", "no way", "out of reach")),
+    Fault("cable", _cable, ("a wheel",)),
+    Fault("bumper held", _hold_bumper, ("bumper",), later=_free_bumper_later),
+    Fault("lifted", _lift, ("put down",), later=_put_down_later),
+    Fault("door closed", _close_door, ("no way",), ready=_away_from_dock, after_s=(24.0, 40.0)),
+    replace(
+        _HOMING, name="dock moved", strike=_move_dock, words=("dock",), ends=frozenset({"done"})
+    ),
+    replace(_HOMING, name="dock occupied", strike=_occupy_dock, words=("docking failed",)),
+    Fault("battery 20 %", _drain(19.5), ("battery",), ends=frozenset({"charge"})),
+    Fault("battery 5 %", _drain(4.9), ("battery",)),
+)
