@@ -18,6 +18,7 @@ from firmware_bridge.host import SOURCES, HostFirmware, HostInputs
 FLASH_BYTES, RAM_BYTES = 32256, 2048  # without the boot loader's 512 bytes
 _HANG_US = 0xFFFFFFFF
 _POWER_CYCLE_US = 0xFFFFFFFE
+_BLIND_US = 0xFFFFFFFD
 _TOOLS = "apt-get install make gcc-avr avr-libc binutils-avr"
 _EMULATOR_TOOLS = "apt-get install build-essential libsimavr-dev libelf-dev"
 
@@ -98,3 +99,7 @@ class EmulatedFirmware(HostFirmware):
     def power_cycle(self) -> None:
         """Reset the controller; its EEPROM stays."""
         self._exchange(self._record(_POWER_CYCLE_US, HostInputs(), 0))
+
+    def blind(self) -> None:
+        """End the interrupts of the ADC: its last samples stay for ever."""
+        self._exchange(self._record(_BLIND_US, HostInputs(), 0))

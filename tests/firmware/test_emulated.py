@@ -15,8 +15,10 @@ from firmware_bridge.errors import BridgeError
 from firmware_bridge.host import build_number
 from firmware_bridge.link import Link
 from firmware_bridge.messages import (
+    CLIFF,
     Ack,
     Board,
+    Clear,
     ContactBit,
     Contacts,
     Drive,
@@ -127,7 +129,7 @@ def test_brakes_within_10_ms_and_rests_within_150_ms(emulated: Rig, what: str) -
 @pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_a_thousand_trials_of_each_kind(emulated: Rig) -> None:
-    for what, results in trials.run_trials(emulated, 1000, seed=2).items():
+    for what, results in trials.run_trials(emulated, 1000, seed=2):
         assert trials.good(results) == 1000, what
 
 
@@ -152,6 +154,23 @@ def test_a_hanging_program_is_reset_and_stays_stopped(emulated: Rig) -> None:
     emulated.clear()
     emulated.drive(300, 300, 400)
     assert not emulated.still
+
+
+@pytest.mark.parametrize("speed", [200, -200])
+def test_a_dead_adc_stops_the_wheels(emulated: Rig, speed: int) -> None:
+    """Its last samples would say for ever that the floor goes on and the battery is full."""
+    emulated.drive(speed, speed, 300)
+    emulated.firmware.blind()  # type: ignore[attr-defined]
+    emulated.drive(speed, speed, 20)
+    assert emulated.still == (speed > 0)  # forward: it sees cliffs all around
+    emulated.drive(speed, speed, 260)
+    assert emulated.still
+    assert emulated.latch[0] == (StopReason.CLIFF if speed > 0 else StopReason.BROWN_OUT)
+    emulated.send(Clear(emulated.latch[1]))
+    emulated.step(30)
+    assert emulated.heard(Ack)[-1].result == Result.BLOCKED
+    assert emulated.heard(Contacts)[-1].bits == CLIFF
+    assert emulated.ask(Drive(-100, -100, 0, 0, 100)) == Result.LATCHED
 
 
 def test_a_power_cut_counts_a_start(emulated: Rig) -> None:

@@ -20,12 +20,14 @@ from firmware_bridge.messages import (
     Drive,
     Hello,
     HelloAck,
+    Keep,
     Power,
     Result,
     State,
     Status,
     Stop,
     StopReason,
+    Tune,
     Wheels,
 )
 
@@ -142,6 +144,50 @@ def test_an_order_to_stand_just_ends(armed: Rig) -> None:
     armed.step(10)
     assert armed.latch[0] == StopReason.NONE
     assert armed.heard(Status)[-1].expired == 1
+
+
+def test_wheels_still_slowing_down_brake_when_the_order_ends(armed: Rig) -> None:
+    """Without an order nothing is driven, not even towards rest."""
+    armed.drive(450, 450, 500)
+    armed.send(Drive(0, 0, 50, 40, 20))
+    armed.step(19)
+    assert armed.outputs.left_pwm > 0.0
+    armed.step()
+    assert armed.still
+    armed.step(10)
+    assert armed.latch[0] == StopReason.NONE
+
+
+def test_keep_holds_a_session_and_opens_none(rig: Rig) -> None:
+    assert rig.ask(Keep()) == Result.NO_SESSION
+    rig.arm()
+    rig.send(Drive(0, 0, 50, 0, 1000))
+    for _ in range(4):
+        rig.step(240)
+        assert rig.ask(Keep()) == Result.OK
+    assert rig.outputs.brush_pwm == 0.5
+    rig.step(600)
+    assert rig.ask(Keep()) == Result.NO_SESSION
+    assert rig.ask(GO) == Result.NO_SESSION
+
+
+@pytest.mark.parametrize(("full_speed_mm_s", "result"), [
+    (0, Result.OUT_OF_RANGE), (99, Result.OUT_OF_RANGE), (100, Result.OK), (2000, Result.OK),
+    (2001, Result.OUT_OF_RANGE), (65535, Result.OUT_OF_RANGE),
+])  # fmt: skip
+def test_tune_has_limits(armed: Rig, full_speed_mm_s: int, result: Result) -> None:
+    assert armed.ask(Tune(full_speed_mm_s)) == result
+    armed.ask(Drive(100, -100, 0, 0, 100))
+    armed.step(20)
+    fits = result == Result.OK
+    share = 100 / full_speed_mm_s if fits else 100 / 600
+    assert armed.outputs.left_pwm == pytest.approx(min(1.0, 1.75 * share), rel=0.45)
+    assert armed.outputs.left_pwm * armed.outputs.right_pwm < 0.0
+
+
+def test_motors_are_not_changed_under_way(armed: Rig) -> None:
+    armed.drive(200, 200, 100)
+    assert armed.ask(Tune(900)) == Result.BLOCKED
 
 
 @pytest.mark.parametrize(("silent_ms", "lost"), [(499, False), (500, True), (501, True)])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from firmware_rig import Rig
 
-from firmware_bridge.messages import Drive, Stop
+from firmware_bridge.messages import Drive, Result, Stop, Tune
 
 
 def speeds(rig: Rig, target_mm_s: int, ms: int) -> list[float]:
@@ -28,6 +28,17 @@ def test_settles_in_0_4_s_within_3_percent(armed: Rig, target: float, lag_s: flo
     armed.lag_s = lag_s
     course = speeds(armed, round(target * 1000), 1500)
     assert all(abs(v - target) <= 0.03 * abs(target) for v in course[80:])
+
+
+@pytest.mark.parametrize("full_speed_mps", [0.3, 0.6, 1.2, 2.0])
+@pytest.mark.parametrize("lag_s", [0.05, 0.08])
+def test_settles_as_well_with_other_motors(armed: Rig, full_speed_mps: float, lag_s: float) -> None:
+    """Told how fast they are, the loop's gains are the same seen from the floor."""
+    armed.lag_s = lag_s
+    armed.gains = [full_speed_mps / 0.6] * 2
+    assert armed.ask(Tune(round(full_speed_mps * 1000))) == Result.OK
+    course = speeds(armed, 200, 1500)
+    assert all(abs(v - 0.2) <= 0.03 * 0.2 for v in course[80:])
 
 
 def test_speed_never_runs_ahead_of_the_slew_limit(armed: Rig) -> None:

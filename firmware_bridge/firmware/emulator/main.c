@@ -4,30 +4,27 @@
  * Bytes take their time on the line, encoder edges are spread evenly over a step, and the pins and
  * ADC channels are those of src/board/atmega328p/pins.h.
  *
- * Two values of dt_us are orders of their own: HANG leads the program into an endless loop (as a
- * fault would), POWER_CYCLE resets the controller (its EEPROM stays).
+ * Three values of dt_us are orders of their own: HANG leads the program into an endless loop (as a
+ * fault would), POWER_CYCLE resets the controller (its EEPROM stays), BLIND ends the interrupts of
+ * the ADC.
  *
  * Usage: emulated-board IMAGE.elf [ADDRESS FILE]
  * With an address, FILE gets the cycle number of every pass of the program through it.
  */
-#define _XOPEN_SOURCE 600
-
-#include <errno.h>
-#include <fcntl.h>
-#include <poll.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
-#include <termios.h>
 #include <unistd.h>
 
 #include <simavr/avr_adc.h>
+#include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
 #include <simavr/sim_elf.h>
+
+#include "board/host/line.h"
 
 #define CYCLES_PER_US 16u
 #define FREQUENCY 16000000u
@@ -36,11 +33,8 @@
 #define EDGE_CYCLES 160u  /* 10 us: the least time between two edges */
 #define HANG UINT32_MAX
 #define POWER_CYCLE (UINT32_MAX - 1u)
+#define BLIND (UINT32_MAX - 2u)
 
-#define STEP_IN 25u
-#define STEP_OUT 14u
-#define PORT_NAME 64u
-#define DELIVERY_MS 5000
 #define QUEUE 65536u
 
 #define FULL_MV 5000
@@ -49,6 +43,11 @@
 #define DDRD 0x2A
 #define OCR0A 0x47
 #define OCR0B 0x48
+#define TCCR0B 0x45
+#define TCCR1B 0x81
+#define CLOCK_SELECT 7u
+#define ADCSRA 0x7A
+#define ADIE 3
 #define OCR1A 0x88
 #define OCR1B 0x8A
 #define WHEEL_TOP 400
@@ -77,22 +76,6 @@ static uint32_t outbox_head, outbox_tail;
 static uint64_t taken, given;
 static uint32_t trace_address;
 static FILE *trace;
-
-static uint64_t little(const uint8_t *bytes, unsigned size)
-{
-    uint64_t value = 0;
-    for (unsigned i = size; i > 0u; i--) {
-        value = (value << 8) | bytes[i - 1u];
-    }
-    return value;
-}
-
-static void put(uint8_t *bytes, uint64_t value, unsigned size)
-{
-    for (unsigned i = 0; i < size; i++) {
-        bytes[i] = (uint8_t)(value >> (8u * i));
-    }
-}
 
 static void quiet(avr_t *a, const int level, const char *format, va_list values)
 {
@@ -164,12 +147,10 @@ static bool take_bytes(uint64_t sent)
                 inbox[inbox_head++ % QUEUE] = bytes[i];
             }
             taken += (uint64_t)got;
+        } else if (!line_wait(line)) {
+            return false;
         } else {
-            struct pollfd waiting = {.fd = line, .events = POLLIN};
-            int ready = poll(&waiting, 1, DELIVERY_MS);
-            if ((ready == 0) || ((ready < 0) && (errno != EINTR))) {
-                return false;
-            }
+            /* there is something now */
         }
     }
     return true;
@@ -186,30 +167,6 @@ static void move_bytes(void)
     }
 }
 
-static int open_line(char *name)
-{
-    struct termios raw;
-    int master = posix_openpt(O_RDWR | O_NOCTTY);
-    if ((master < 0) || (grantpt(master) != 0) || (unlockpt(master) != 0)) {
-        return -1;
-    }
-    const char *slave = ptsname(master);
-    int kept = (slave != NULL) ? open(slave, O_RDWR | O_NOCTTY) : -1;
-    if ((kept < 0) || (strlen(slave) >= PORT_NAME) || (tcgetattr(kept, &raw) != 0)) {
-        return -1;
-    }
-    raw.c_iflag = 0;
-    raw.c_oflag = 0;
-    raw.c_lflag = 0;
-    raw.c_cflag = CS8 | CREAD | CLOCAL;
-    if ((tcsetattr(kept, TCSANOW, &raw) != 0) ||
-        (fcntl(master, F_SETFL, fcntl(master, F_GETFL) | O_NONBLOCK) != 0)) {
-        return -1;
-    }
-    memcpy(name, slave, strlen(slave));
-    return master;
-}
-
 /* ---------------------------------------------------------------- pins */
 
 /* The wires hold the inputs, whatever pull-ups the program switches on, and also when it writes to
@@ -219,6 +176,9 @@ static void set_pin(unsigned port, int pin, bool high)
     static unsigned wired[3], levels[3];
     unsigned at = port - 'B';
     unsigned bit = 1u << pin;
+    if (((wired[at] & bit) != 0u) && (((levels[at] & bit) != 0u) == high)) {
+        return;
+    }
     wired[at] |= bit;
     levels[at] = high ? (levels[at] | bit) : (levels[at] & ~bit);
     avr_ioport_external_t wires = {
@@ -262,7 +222,8 @@ static void set_pins(void)
 static int16_t wheel_pwm(int pwm_pin, int dir_pin, int compare)
 {
     int value = avr->data[compare] | (avr->data[compare + 1] << 8);
-    if ((avr->data[DDRB] & (1 << pwm_pin)) == 0) {
+    bool runs = (avr->data[TCCR1B] & CLOCK_SELECT) != 0u;
+    if (!runs || ((avr->data[DDRB] & (1 << pwm_pin)) == 0)) {
         return 0; /* not driven: the driver's own pull-down brakes */
     }
     value = (value * 1000) / WHEEL_TOP;
@@ -271,7 +232,7 @@ static int16_t wheel_pwm(int pwm_pin, int dir_pin, int compare)
 
 static uint8_t duty_pct(int pin, int compare)
 {
-    if ((avr->data[DDRD] & (1 << pin)) == 0) {
+    if (((avr->data[TCCR0B] & CLOCK_SELECT) == 0u) || ((avr->data[DDRD] & (1 << pin)) == 0)) {
         return 0;
     }
     return (uint8_t)((avr->data[compare] * 100 + 127) / 255);
@@ -347,6 +308,10 @@ static bool step(const uint8_t *record)
         avr_reset(avr);
         return true;
     }
+    if (dt_us == BLIND) {
+        avr->data[ADCSRA] &= (uint8_t)~(1u << ADIE);
+        return true;
+    }
     pins.battery_mv = (uint16_t)little(&record[20], 2);
     pins.current_ma = (int16_t)(uint16_t)little(&record[22], 2);
     pins.contacts = record[24];
@@ -372,19 +337,6 @@ static bool step(const uint8_t *record)
     return true;
 }
 
-static bool read_all(uint8_t *bytes, size_t size)
-{
-    while (size > 0u) {
-        ssize_t got = read(STDIN_FILENO, bytes, size);
-        if (got <= 0) {
-            return false;
-        }
-        bytes += got;
-        size -= (size_t)got;
-    }
-    return true;
-}
-
 static bool start(int argc, char **argv)
 {
     static elf_firmware_t image;
@@ -404,6 +356,9 @@ static bool start(int argc, char **argv)
         trace_address = (uint32_t)strtoul(argv[2], NULL, 0);
         trace = fopen(argv[3], "w");
     }
+    for (uint8_t i = 0; i < 2u; i++) { /* encoder pins are no external interrupts: no polling */
+        avr_extint_set_strict_lvl_trig(avr, i, 0);
+    }
     connect_line();
     set_pins();
     return true;
@@ -414,8 +369,8 @@ int main(int argc, char **argv)
     uint8_t record[STEP_IN];
     uint8_t answer[STEP_OUT];
     char name[PORT_NAME] = {0};
-    line = open_line(name);
-    if ((line < 0) || !start(argc, argv) || (write(STDOUT_FILENO, name, sizeof name) < 0)) {
+    line = line_open(name);
+    if ((line < 0) || !start(argc, argv) || !write_all((const uint8_t *)name, sizeof name)) {
         return EXIT_FAILURE;
     }
     while (read_all(record, sizeof record)) {
@@ -427,7 +382,7 @@ int main(int argc, char **argv)
         answer[4] = duty_pct(BRUSH_PWM, OCR0A);
         answer[5] = duty_pct(FAN_PWM, OCR0B);
         put(&answer[6], given, 8);
-        if (write(STDOUT_FILENO, answer, sizeof answer) != (ssize_t)sizeof answer) {
+        if (!write_all(answer, sizeof answer)) {
             return EXIT_FAILURE;
         }
     }

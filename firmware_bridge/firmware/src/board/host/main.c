@@ -11,97 +11,13 @@
  * A step is divided into pieces of at most 5 ms, as the wheel loop needs, unless told otherwise.
  * The firmware ends when stdin does. Usage: firmware [BOOT_NUMBER [LONGEST_PIECE_US]]
  */
-#define _XOPEN_SOURCE 600
-
-#include <errno.h>
-#include <fcntl.h>
-#include <poll.h>
-#include <stdint.h>
 #include <stdlib.h>
-#include <string.h>
-#include <termios.h>
 #include <unistd.h>
 
+#include "board/host/line.h"
 #include "core/controller.h"
 
-#define STEP_IN 25u
-#define STEP_OUT 14u
-#define PORT_NAME 64u
 #define PIECE_US 5000u
-#define DELIVERY_MS 5000
-
-static uint64_t little(const uint8_t *bytes, unsigned size)
-{
-    uint64_t value = 0;
-    for (unsigned i = size; i > 0u; i--) {
-        value = (value << 8) | bytes[i - 1u];
-    }
-    return value;
-}
-
-static void put(uint8_t *bytes, uint64_t value, unsigned size)
-{
-    for (unsigned i = 0; i < size; i++) {
-        bytes[i] = (uint8_t)(value >> (8u * i));
-    }
-}
-
-static bool read_all(uint8_t *bytes, size_t size)
-{
-    while (size > 0u) {
-        ssize_t got = read(STDIN_FILENO, bytes, size);
-        if ((got < 0) && (errno == EINTR)) {
-            continue;
-        }
-        if (got <= 0) {
-            return false;
-        }
-        bytes += got;
-        size -= (size_t)got;
-    }
-    return true;
-}
-
-static bool write_all(const uint8_t *bytes, size_t size)
-{
-    while (size > 0u) {
-        ssize_t put_out = write(STDOUT_FILENO, bytes, size);
-        if ((put_out < 0) && (errno == EINTR)) {
-            continue;
-        }
-        if (put_out <= 0) {
-            return false;
-        }
-        bytes += put_out;
-        size -= (size_t)put_out;
-    }
-    return true;
-}
-
-/* Open a raw terminal pair. The slave stays open here too, so that the line outlives its users. */
-static int open_line(char *name)
-{
-    struct termios raw;
-    int line = posix_openpt(O_RDWR | O_NOCTTY);
-    if ((line < 0) || (grantpt(line) != 0) || (unlockpt(line) != 0)) {
-        return -1;
-    }
-    const char *slave = ptsname(line);
-    int kept = (slave != NULL) ? open(slave, O_RDWR | O_NOCTTY) : -1;
-    if ((kept < 0) || (strlen(slave) >= PORT_NAME) || (tcgetattr(kept, &raw) != 0)) {
-        return -1;
-    }
-    raw.c_iflag = 0;
-    raw.c_oflag = 0;
-    raw.c_lflag = 0;
-    raw.c_cflag = CS8 | CREAD | CLOCAL;
-    if ((tcsetattr(kept, TCSANOW, &raw) != 0) ||
-        (fcntl(line, F_SETFL, fcntl(line, F_GETFL) | O_NONBLOCK) != 0)) {
-        return -1;
-    }
-    memcpy(name, slave, strlen(slave));
-    return line;
-}
 
 /* Hand the core every byte that the host has sent by now. */
 static bool take_bytes(struct controller *c, int line, uint64_t *taken, uint64_t sent, uint32_t now)
@@ -116,12 +32,10 @@ static bool take_bytes(struct controller *c, int line, uint64_t *taken, uint64_t
                 controller_receive(c, bytes[i], now);
             }
             *taken += (uint64_t)got;
+        } else if (!line_wait(line)) {
+            return false;
         } else {
-            struct pollfd waiting = {.fd = line, .events = POLLIN};
-            int ready = poll(&waiting, 1, DELIVERY_MS);
-            if ((ready == 0) || ((ready < 0) && (errno != EINTR))) {
-                return false;
-            }
+            /* there is something now */
         }
     }
     return true;
@@ -206,7 +120,7 @@ int main(int argc, char **argv)
     };
     const struct inputs rest = {.battery_mv = UINT16_MAX};
     b.piece_us = (uint32_t)argument(argc, argv, 2, PIECE_US);
-    b.line = open_line(name);
+    b.line = line_open(name);
     if ((b.line < 0) || !write_all((const uint8_t *)name, sizeof name)) {
         return EXIT_FAILURE;
     }
