@@ -94,6 +94,14 @@ def parser() -> argparse.ArgumentParser:
 
     add_log_verbs(logs, _verb, _write_json)
 
+    from robot.body.calibrate_verbs import add_verbs as add_calibrate_verbs
+
+    calibrate = verbs.add_parser(
+        "calibrate", help="cameras, gyro, wheels: stereo, imu, wheels, camera-pose, sync, ..."
+    )
+    calibrations = calibrate.add_subparsers(title="calibrations", metavar="WHAT", required=True)
+    add_calibrate_verbs(calibrations, _verb, _write_json)
+
     check = _verb(
         verbs, "check", "is this machine ready to drive? every finding has a remedy", _check
     )

@@ -24,6 +24,7 @@ RIGHTS: dict[str, set[str]] = {
     "home": TABLE | {"slam", "mapping"},
     "brain": TABLE | {"home", "slam", "mapping", "planning", "control", "mission"},
     "hardware": TABLE | {"firmware_bridge"},
+    "calibrate": TABLE | {"perception"},
     "sim": TABLE,
     "log": TABLE,
     "evaluate": TABLE,

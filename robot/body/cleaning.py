@@ -17,12 +17,20 @@ import cv2
 
 from robot.body.eyes import DrawnEyes, Eyes, RenderedEyes
 from robot.body.keeper import HomeKeeper
+from robot.body.knocked import WatchedPerception
 from robot.body.live import LiveBody
 from robot.body.notify import Notifier
 from robot.body.observe import Observer, Snapshot
 from robot.body.onlookers import Onlookers
 from robot.body.simulated import SimulatedBody
-from robot.body.sources import open_gyro, open_perception, open_stereo, read_calibration
+from robot.body.sources import (
+    open_calibration,
+    open_gauge,
+    open_gyro,
+    open_perception,
+    open_stereo,
+    read_calibration,
+)
 from robot.body.store import HomeStore
 from robot.body.summary import Judge, summarise, write_run_folder
 from robot.brain import Brain
@@ -82,6 +90,8 @@ def run_cleaning(
         log = stack.enter_context(LogWriter(folder / "log.mcap", header, config.log))
         observer = Observer(log, log, progress, judge.covered_pct if judge else None)
         brain = Brain(config, None if known is None else known[1])
+        if judge is not None:
+            observer.on_truth = lambda pose: judge.look(pose, brain.notes.current)
         onlookers = Onlookers(options.socket, config, options.body, stack)
         loop_log = onlookers.stand_before(observer, brain, lambda name: _run_folder(options, name))
         keeper = None if store is None else HomeKeeper(loop_log, brain, store)
@@ -182,9 +192,10 @@ def _live(
     body = LiveBody(
         config,
         open_stereo(config),
-        perception,
+        WatchedPerception(perception, open_calibration(config)),
         wheels,
         gyro=open_gyro(config),
+        gauge=open_gauge(config),
         control=onlookers.control,
         recorder=observer if options.frames else None,
         notifier=Notifier(),

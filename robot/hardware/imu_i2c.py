@@ -159,7 +159,8 @@ class Imu:
                 f"I2C address {self.address:#x}: the {self.name} fell silent ({error}); "
                 "check its wiring."
             ) from None
-        return AtRest(gyro.mean(axis=0), gyro.std(axis=0), accel.mean(axis=0))
+        noise = np.where(np.ptp(gyro, axis=0) > 0.0, gyro.std(axis=0), 0.0)
+        return AtRest(gyro.mean(axis=0), noise, accel.mean(axis=0))
 
     def self_test(self) -> list[str]:
         """What is wrong with a chip at rest, in sentences; empty: nothing."""

@@ -1,0 +1,1 @@
+"""Calibration: boards, cameras, IMU, wheels, mounting and synchronisation, from data to numbers."""
