@@ -32,7 +32,7 @@ def chip(turn=(0, 0, 20), pull=(0, 0, 16384), alive=True):
 
         def read(register):
             count[0] += register % 2
-            return real(register) ^ (count[0] % 3 & 1 if register in (0x44, 0x46, 0x48) else 0)
+            return real(register) ^ (count[0] % 7 & 1 if register in (0x44, 0x46, 0x48) else 0)
 
         made.read = read
     return made
