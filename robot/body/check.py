@@ -12,7 +12,7 @@ from pathlib import Path
 from robot.body.sources import open_calibration, open_depth, open_imu, open_stereo
 from robot.config import Config
 from robot.errors import HardwareError, SweeperError
-from robot.hardware.wheels import WheelBridge, open_wheels
+from robot.hardware.wheels import WheelBridge, open_wheels, who
 from robot.messages import LinkState, StopOrder
 
 Finding = dict[str, str]
@@ -119,7 +119,7 @@ def _wheels(config: Config) -> str:
             raise _no_answer(config)
     finally:
         wheels.close()
-    return "the motor controller answers"
+    return f"the motor controller answers: {who(wheels.link)}"
 
 
 def _gyro(config: Config) -> str:

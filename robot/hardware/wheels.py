@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import time
 
+from firmware_bridge.host import build_number
 from firmware_bridge.link import Link, Received
 from firmware_bridge.messages import (
     CLIFF,
     MAX_VALID_FOR_MS,
+    Board,
     ContactBit,
     Contacts,
     Drive,
@@ -50,6 +52,17 @@ def open_wheels(robot: RobotConfig, config: LinkConfig) -> WheelBridge:
 def make_link(transport: Transport, config: LinkConfig) -> Link:
     """The link to these motors."""
     return Link(transport, full_speed_mm_s=round(config.full_speed_mps * 1000))
+
+
+def who(link: Link) -> str:
+    """Which board and firmware answers, and whether it was built from these very sources."""
+    ack = link.controller
+    if ack is None:
+        return "nobody"
+    name = Board(ack.board).name.lower() if ack.board in Board._value2member_map_ else "unknown"
+    known = name != "unknown" and build_number(name) == ack.build
+    remark = "" if known else ", another than this program's; `sweeper wheels flash` writes it"
+    return f"board {name}, build {ack.build:08x}{remark}"
 
 
 def wheel_speeds(

@@ -8,11 +8,22 @@ from pathlib import Path
 import pytest
 
 from firmware_bridge.counting import LinkCounters
-from firmware_bridge.link import Received
-from firmware_bridge.messages import Contacts, Drive, Power, Status, StopReason, Wheels
+from firmware_bridge.host import build_number
+from firmware_bridge.link import Link, Received
+from firmware_bridge.messages import (
+    Board,
+    Contacts,
+    Drive,
+    HelloAck,
+    Power,
+    Status,
+    StopReason,
+    Wheels,
+)
+from firmware_bridge.transport import memory_pair
 from robot.config import LinkConfig, RobotConfig
 from robot.errors import HardwareError
-from robot.hardware.wheels import WheelBridge, open_wheels, wheel_speeds
+from robot.hardware.wheels import WheelBridge, open_wheels, wheel_speeds, who
 from robot.messages import (
     Battery,
     ClearOrder,
@@ -169,3 +180,14 @@ def test_a_missing_port_says_how_to_find_it(
     monkeypatch.setattr("firmware_bridge.transport.UDEV_NAME", tmp_path / "nothing")
     with pytest.raises(HardwareError, match="no motor controller was found on USB"):
         open_wheels(RobotConfig(), LinkConfig())
+
+
+def test_who_answers_is_told_with_its_build() -> None:
+    link = Link(memory_pair()[0])
+    assert who(link) == "nobody"
+    link.controller = HelloAck(0, 1, Board.HOST, 1, build_number(), 0, 0)
+    assert who(link) == f"board host, build {build_number():08x}"
+    link.controller = HelloAck(0, 1, Board.ATMEGA328P, 1, 0xAB, 0, 0)
+    assert "board atmega328p, build 000000ab, another" in who(link)
+    link.controller = HelloAck(0, 1, 77, 1, 0xAB, 0, 0)
+    assert "board unknown" in who(link)
