@@ -74,7 +74,7 @@ class Brain:
         self._book = RoomBook(self._grid, self.notes)
         self._sight = DockSight(config.robot)
         self._mission = Mission(self._book)
-        self._slip, self._recognition = SlipWatch(), Recognition()
+        self._slip, self._recognition = SlipWatch(config.robot.track_width_m), Recognition()
         self._sighted_ns: int | None = None
         self._contact = Contact(0)
         self._link = LinkState(0, False)
@@ -97,6 +97,7 @@ class Brain:
                 return self._tick(event.t_ns)
             case WheelTravel():
                 self._odometry.wheels(event)
+                self._slip.wheels(event)
                 self._slam.odometry(event)
             case ImuSample():
                 self._odometry.imu(event)
@@ -155,7 +156,7 @@ class Brain:
         if seen.marker is not None:
             world_from_base = estimate.world_from_base
             self._sight.see(seen.t_ns, seen.marker, odom_from_base, world_from_base)
-        self._slip.see(seen.t_ns, odom_from_base, seen.motion)
+        self._slip.see(seen.t_ns, seen.motion)
         self._recognition.see(self._view, estimate.world_from_base, seen.scan)
         if seen.quality >= self._config.mission.blind_quality:
             self._sighted_ns = seen.t_ns

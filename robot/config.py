@@ -250,7 +250,7 @@ class MissionConfig(Section):
     denied_give_up_s: Positive = 30.0  # the gate lets nothing move for so long: an error
     recover_tries: Count = 8  # within `recover_reset_m` of driving
     recover_reset_m: Positive = 0.5
-    recover_limit_s: Positive = 40.0  # from the first try to the last
+    recover_limit_s: Positive = 35.0  # from the first try to the last
     recover_limit_m: Positive = 1.5  # backed off in all of them
     no_way_s: Positive = 30.0  # without a route to the dock before it says so
     blind_after_s: Positive = 2.0  # so long without sight is no hiccup

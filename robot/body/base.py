@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Protocol
 
 from robot.geometry.se2 import SE2
-from robot.messages import Command, Event, StereoFrame
+from robot.messages import Answer, Command, Event, Request, StereoFrame
 
 
 class Body(Protocol):
@@ -27,6 +27,19 @@ class EventLog(Protocol):
     def command(self, command: Command) -> None: ...
 
     def flush(self) -> None: ...
+
+
+class Asked(Protocol):
+    """Whoever asks something of the robot: people over a socket, the schedule."""
+
+    def poll(self, now_ns: int) -> list[Request]:
+        """Requests since the last call; never waits."""
+
+    def answer(self, answer: Answer) -> None:
+        """What became of one."""
+
+    def close(self) -> None:
+        """Nobody asks any more."""
 
 
 class Recorder(Protocol):

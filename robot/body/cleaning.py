@@ -94,6 +94,8 @@ def run_cleaning(
             observer.on_truth = lambda pose: judge.look(pose, brain.notes.current)
         onlookers = Onlookers(options.socket, config, options.body, stack)
         loop_log = onlookers.stand_before(observer, brain, lambda name: _run_folder(options, name))
+        if options.home is not None:
+            loop_log = onlookers.keep_books(loop_log, options.home)
         keeper = None if store is None else HomeKeeper(loop_log, brain, store)
         body = (
             _simulated(options, config, judge, observer, onlookers, stack)
@@ -156,7 +158,7 @@ def _simulated(
         record_frames=options.frames,
         real_time=options.real_time,
         start=not options.wait,
-        control=onlookers.control,
+        control=onlookers.asked,
     )
     stack.callback(body.close)
     return body
@@ -196,7 +198,7 @@ def _live(
         wheels,
         gyro=open_gyro(config),
         gauge=open_gauge(config),
-        control=onlookers.control,
+        control=onlookers.asked,
         recorder=observer if options.frames else None,
         notifier=Notifier(),
         duration_s=options.duration_s or float("inf"),

@@ -14,13 +14,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Protocol
 
-from robot.body.base import Recorder
-from robot.body.control import ControlSocket
+from robot.body.base import Asked, Recorder
 from robot.body.notify import Notifier
 from robot.config import Config
+from robot.hardware.buzzer import Buzzer
 from robot.hardware.wheels import WheelBridge
 from robot.messages import (
+    Answer,
     Battery,
+    Beep,
     Command,
     Event,
     ImuSample,
@@ -131,7 +133,7 @@ class LiveBody:
         *,
         gyro: Gyro | None = None,
         gauge: Gauge | None = None,
-        control: ControlSocket | None = None,
+        control: Asked | None = None,
         recorder: Recorder | None = None,
         notifier: Notifier | None = None,
         duration_s: float = float("inf"),
@@ -142,6 +144,7 @@ class LiveBody:
         self._wheels, self._gyro, self._control = wheels, gyro, control
         self._recorder, self._notifier, self._clock = recorder, notifier or Notifier(""), clock
         self._duration_s = duration_s
+        self._buzzer = Buzzer(config.robot.buzzer)
         self._gauge, self._gauge_due_ns, self._gauged_ns = gauge, 0, -(10**18)
         self._feed_due_ns = self._status_due_ns = 0
         self._yaw = YawTrack()
@@ -184,6 +187,11 @@ class LiveBody:
         """Hand orders to the motor controller and plans to the planning thread."""
         if isinstance(command, PlanOrder):
             self._orders.put(command)
+        elif isinstance(command, Answer):
+            if self._control is not None:
+                self._control.answer(command)
+        elif isinstance(command, Beep):
+            self._buzzer.beep(self._clock())
         else:
             self._wheels.send(command)
 
@@ -213,11 +221,17 @@ class LiveBody:
 
     def problems(self) -> list[str]:
         """What is wrong with the devices now: the code of `sweeper check`, and the cause."""
-        devices = {"camera": self._camera, "imu": self._gyro, "battery": self._gauge}
+        devices = {
+            "camera": self._camera,
+            "calibration": self._perception,
+            "imu": self._gyro,
+            "battery": self._gauge,
+        }
         said = {code: getattr(device, "problem", "") for code, device in devices.items()}
         return [f"{code}: {problem}" for code, problem in said.items() if problem]
 
     def _inputs(self, now_ns: int) -> Iterator[Event]:
+        self._buzzer.poll(now_ns)
         for event in self._wheels.poll(now_ns):
             # The gauge knows better than the motor controller's voltage divider, while it answers.
             if not (isinstance(event, Battery) and now_ns - self._gauged_ns < 5 * GAUGE_NS):

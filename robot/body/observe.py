@@ -53,6 +53,7 @@ class Observer:
     ) -> None:
         self._log, self._recorder = log, recorder
         self._on_snapshot, self._covered_pct = on_snapshot, covered_pct
+        self.on_truth: Callable[[SE2], None] = lambda world_from_base: None
         self._next_snapshot_ns = 0
         self._estimates: list[tuple[float, float, float, float]] = []
         self._truth: list[tuple[float, float, float, float]] = []
@@ -106,6 +107,7 @@ class Observer:
     def truth(self, t_ns: int, world_from_base: SE2) -> None:
         """Keep and record where the robot truly is."""
         self._truth.append(_row(t_ns, world_from_base))
+        self.on_truth(world_from_base)
         self._recorder.truth(t_ns, world_from_base)
 
     def _snapshot(self) -> Snapshot:

@@ -10,7 +10,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
 
-from robot.body.base import EventLog
+from robot.body.base import Asked, EventLog
+from robot.body.books import Books, WithSchedule
 from robot.body.check import check_running
 from robot.body.control import ControlSocket
 from robot.body.diary import Diary
@@ -34,9 +35,17 @@ class Onlookers:
         self._config, self._body, self._stack = config, body, stack
         self._looking: Looking | None = None
         self.control: ControlSocket | None = None
+        self.asked: Asked | None = None  # the socket, and perhaps a schedule beside it
         if socket is not None:
-            self.control = ControlSocket(socket, judged=True)
+            self.asked = self.control = ControlSocket(socket, judged=True)
             stack.callback(self.control.close)
+
+    def keep_books(self, log: EventLog, folder: Path) -> Books:
+        """The schedule asks, too, and the books can be looked up. Raises ConfigError."""
+        books = Books(log, folder)
+        self._stack.callback(books.close)
+        self.asked = WithSchedule(self.control, books)
+        return books
 
     def look_through(self, perception: Looking) -> None:
         """From now on, this is what the robot sees."""

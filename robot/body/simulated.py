@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 from firmware_bridge.host import HostFirmware, HostInputs
 from firmware_bridge.transport import SerialTransport
-from robot.body.base import Recorder
-from robot.body.control import ControlSocket
+from robot.body.base import Asked, Recorder
 from robot.body.eyes import Eyes
 from robot.config import Config
 from robot.hardware.fakes import FakeBuzzer
@@ -64,7 +63,7 @@ class SimulatedBody:
         record_frames: bool = False,
         real_time: bool = False,
         start: bool = True,
-        control: ControlSocket | None = None,
+        control: Asked | None = None,
     ) -> None:
         self._config = config
         self._base_from_scene = world.start.inverse()

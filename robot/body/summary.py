@@ -15,7 +15,9 @@ from robot.evaluate.coverage import Sweep
 from robot.evaluate.latency import percentiles
 from robot.evaluate.report import draw_map
 from robot.evaluate.trajectory import compare_tracks
+from robot.geometry.se2 import SE2
 from robot.log.export import write_tum
+from robot.mapping.annotations import Annotations
 from robot.mapping.map_server import grid_to_map_server
 from robot.mapping.rooms import segment_rooms
 
@@ -33,6 +35,12 @@ class Judge:
         self.world, self.base = world, base
         self.floor = world.reachable(robot)
         self._sweep, self._poses = Sweep(self.floor, robot.brush_width_m), 0
+        self._radius_m, self.no_go_entered = robot.radius_m, False
+
+    def look(self, world_from_base: SE2, annotations: Annotations) -> None:
+        """Where the robot truly is, and what is forbidden now: did its footprint enter?"""
+        away_m = annotations.distance_m(world_from_base.x_m, world_from_base.y_m)
+        self.no_go_entered |= away_m < self._radius_m
 
     def covered_pct(self, track: np.ndarray) -> float:
         """Share of the reachable floor swept along a true track (n, 4), which only ever grows."""
@@ -55,7 +63,7 @@ class Judge:
             "contacts": len(base.contacts),
             "max_contact_mps": max((speed for _, speed in base.contacts), default=0.0),
             "cliff_entered": base.cliff_entered,
-            "no_go_entered": False,  # no zone was drawn
+            "no_go_entered": self.no_go_entered,
             "docked": base.charging,
         }
 

@@ -1,11 +1,11 @@
-"""Do the wheels carry? What they say is compared with what the eyes see pass by."""
+"""Do the wheels carry? What they roll is compared with what the eyes see pass by."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
-from robot.geometry.se2 import SE2
-from robot.messages import VisualMotion
+from robot.messages import VisualMotion, WheelTravel
 
 FRAMES = 20  # two seconds at 10 Hz
 MIN_ROLLED_M = 0.15  # less proves nothing
@@ -15,23 +15,35 @@ STALE_NS = 1_000_000_000
 
 
 class SlipWatch:
-    """Sums of the forward way over the last frames: of the wheels, and of the eyes."""
+    """Sums over the last frames, mean of both wheels: rolled, and carried as the eyes tell."""
 
-    def __init__(self) -> None:
+    def __init__(self, track_width_m: float) -> None:
+        self._half_m = track_width_m / 2.0
         self._steps: deque[tuple[float, float]] = deque(maxlen=FRAMES)
-        self._last: tuple[int, SE2] | None = None
+        self._travel: WheelTravel | None = None
+        self._last: tuple[int, WheelTravel] | None = None
 
-    def see(self, t_ns: int, odom_from_base: SE2, motion: VisualMotion | None) -> None:
-        """A frame, with the odometry pose at its time and the motion since the frame before."""
-        last, self._last = self._last, (t_ns, odom_from_base)
+    def wheels(self, travel: WheelTravel) -> None:
+        """The newest travel of the wheels."""
+        self._travel = travel
+
+    def see(self, t_ns: int, motion: VisualMotion | None) -> None:
+        """A frame, and the motion since the one before; it is a little older than the wheels."""
+        travel = self._travel
+        if travel is None:
+            return
+        last, self._last = self._last, (t_ns, travel)
         if last is None or t_ns - last[0] > STALE_NS:
             self._steps.clear()
             return
         if motion is None or motion.inliers < MIN_INLIERS:
             return
-        wheels = last[1].inverse() @ odom_from_base
-        sign = 1.0 if wheels.x_m >= 0.0 else -1.0
-        self._steps.append((abs(wheels.x_m), sign * motion.previous_from_current.x_m))
+        seen = motion.previous_from_current
+        left_m, right_m = travel.left_m - last[1].left_m, travel.right_m - last[1].right_m
+        turn_m = self._half_m * seen.yaw_rad
+        carried = math.copysign(1.0, left_m) * (seen.x_m - turn_m)
+        carried += math.copysign(1.0, right_m) * (seen.x_m + turn_m)
+        self._steps.append((0.5 * (abs(left_m) + abs(right_m)), 0.5 * carried))
 
     def forget(self) -> None:
         """Begin anew: what comes now has nothing to do with what was."""
@@ -41,5 +53,5 @@ class SlipWatch:
     def slipping(self) -> bool:
         """Whether the wheels turned in vain."""
         rolled_m = sum(step[0] for step in self._steps)
-        seen_m = sum(step[1] for step in self._steps)
-        return rolled_m > MIN_ROLLED_M and seen_m < MIN_SHARE * rolled_m
+        carried_m = sum(step[1] for step in self._steps)
+        return rolled_m > MIN_ROLLED_M and carried_m < MIN_SHARE * rolled_m
