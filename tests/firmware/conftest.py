@@ -13,10 +13,12 @@ from firmware_bridge.board import build_emulator, build_image
 from firmware_bridge.errors import BridgeError
 from firmware_bridge.host import build_host_firmware, find_compiler
 
+UNDEFINED = ("-fsanitize=undefined", "-fno-sanitize-recover=all")
+
 
 @pytest.fixture(scope="session")
 def firmware_binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The binary; the tests are skipped where there is no C compiler.
+    """The binary, which ends at the first undefined behaviour; skipped without a C compiler.
 
     `SWEEPER_TEST_FIRMWARE` names another one, which is how mutants are tried.
     """
@@ -26,7 +28,11 @@ def firmware_binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
         find_compiler()
     except BridgeError as error:
         pytest.skip(str(error))
-    return build_host_firmware(tmp_path_factory.mktemp("firmware"))
+    folder = tmp_path_factory.mktemp("firmware")
+    try:
+        return build_host_firmware(folder, extra_flags=UNDEFINED)
+    except BridgeError:  # no runtime library for that
+        return build_host_firmware(folder)
 
 
 @pytest.fixture(scope="session")

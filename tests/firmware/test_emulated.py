@@ -115,22 +115,17 @@ def test_a_bouncing_switch_is_one_press(emulated: Rig) -> None:
     assert states[-1]
 
 
-@pytest.mark.parametrize("what", [*trials.CONTACTS, "expiry"])
+@pytest.mark.parametrize("what", trials.KINDS)
 def test_brakes_within_10_ms_and_rests_within_150_ms(emulated: Rig, what: str) -> None:
-    chance = random.Random(what)
-    for _ in range(6):
-        if what == "expiry":
-            result = trials.expiry_trial(emulated, chance)
-        else:
-            result = trials.contact_trial(emulated, chance, what)
-        assert trials.good([result]) == 1, result
+    results = trials.run_trials(emulated, what, 6, seed=1)
+    assert trials.good(results) == 6, results
 
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
-def test_a_thousand_trials_of_each_kind(emulated: Rig) -> None:
-    for what, results in trials.run_trials(emulated, 1000, seed=2):
-        assert trials.good(results) == 1000, what
+@pytest.mark.parametrize("what", trials.KINDS)
+def test_a_thousand_trials(emulated: Rig, what: str) -> None:
+    assert trials.good(trials.run_trials(emulated, what, 1000, seed=2)) == 1000
 
 
 def test_a_hanging_program_is_reset_and_stays_stopped(emulated: Rig) -> None:
