@@ -1,7 +1,7 @@
 """One life of the simulated robot in which something goes wrong at a known moment.
 
-The real firmware, bridge, brain and planner; sights are drawn. A script is asked at every tick: it
-may break the robot or its world, and ask it for something.
+The real firmware, bridge, brain and planner; sights are drawn, or rendered.
+A script is asked at every tick: it may break the robot or its world, and ask it for something.
 """
 
 from __future__ import annotations
@@ -15,17 +15,20 @@ from pathlib import Path
 import numpy as np
 
 from firmware_bridge.host import HostFirmware, build_host_firmware
-from robot.body.eyes import DrawnEyes
+from robot.body.eyes import DrawnEyes, Eyes, RenderedEyes
 from robot.body.simulated import SimulatedBody
+from robot.body.sources import open_perception
 from robot.brain import Brain
 from robot.config import Config
 from robot.geometry.se2 import SE2
+from robot.home import Home
 from robot.messages import (
     Answer,
     Command,
     DriveCommand,
     Event,
     MissionState,
+    PoseEstimate,
     Request,
     StereoFrame,
     Tick,
@@ -53,7 +56,11 @@ class Trial:
     drives: list[DriveCommand] = field(default_factory=list)
     asked: list[Request] = field(default_factory=list)  # not handed over yet
     poses: list[SE2] = field(default_factory=list)  # true ones, 10 Hz
+    estimates: list[PoseEstimate] = field(default_factory=list)
+    true_at: dict[int, SE2] = field(default_factory=dict)  # by the frames' t_ns
     end_s: float = 240.0
+    home: Home | None = None  # the map that it knows
+    rendered: bool = False  # look at pictures instead of drawing what would be seen
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng([self.seed, 4711])
@@ -68,7 +75,7 @@ class Trial:
             full_speed_mps=link.full_speed_mps,
         )
         self.sight = DrawnSight(self.world, self.config, self.seed)
-        self.brain = Brain(self.config)
+        self.brain = Brain(self.config, self.home)
 
     @property
     def state(self) -> str:
@@ -97,7 +104,7 @@ class Trial:
     def live(self, script: Script, *, start: bool = True) -> None:
         """From the dock until the mission or `end_s` ends."""
         firmware = HostFirmware(_firmware())
-        eyes = DrawnEyes(self.sight)
+        eyes = self._eyes()
         body = SimulatedBody(
             self.config, self.world, self.base, firmware, eyes, self, duration_s=3600.0, start=start
         )
@@ -106,6 +113,16 @@ class Trial:
         finally:
             body.close()
             firmware.close()
+            eyes.close()
+
+    def _eyes(self) -> Eyes:
+        if not self.rendered:
+            return DrawnEyes(self.sight)
+        from robot.sim.render_process import RenderProcess
+
+        camera = self.config.camera.stereo_camera()
+        renderer = RenderProcess(self.scene, camera, self.config.sim, self.seed)
+        return RenderedEyes(renderer, open_perception(self.config))
 
     # ------------------------------------------------------------------ Recorder
 
@@ -115,6 +132,7 @@ class Trial:
     def truth(self, t_ns: int, world_from_base: SE2) -> None:
         """Remember the way, in the frame of the estimate."""
         self.poses.append(world_from_base)
+        self.true_at[t_ns] = world_from_base
 
 
 class _Scripted:
@@ -141,6 +159,8 @@ class _Scripted:
             trial.states.append(command)
         elif isinstance(command, Answer):
             trial.answers.append(command)
+        elif isinstance(command, PoseEstimate):
+            trial.estimates.append(command)
         elif isinstance(command, DriveCommand):
             trial.drives.append(command)
         self._body.send(command)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,6 +101,12 @@ def add_verbs(benches: Any, verb: AddVerb, write_json: Callable[[str | None, Any
     home.add_argument("--scheduler", default="", metavar="ADDRESS", help="of a Dask cluster")
     home.add_argument("--out", type=Path, default=Path("runs/home"), help="run folders, picture")
 
+    kidnap = add("kidnap", "carried elsewhere in a known home: noticed? found again?", _kidnap)
+    kidnap.add_argument("--scene", default="flat", help="name or file")
+    kidnap.add_argument("--seed", type=int, default=1)
+    kidnap.add_argument("--carries", type=int, default=50, metavar="N")
+    kidnap.add_argument("--drawn", action="store_true", help="draw sights, without pictures")
+
 
 def _config(arguments: argparse.Namespace) -> Config:
     from robot.config import load_config
@@ -143,6 +150,7 @@ def _slam(arguments: argparse.Namespace) -> Result:
         arguments.association,
         arguments.out,
         arguments.perturb,
+        tell=lambda line: print(line, file=sys.stderr),
     )
     return {"slam": result["runs"], "cost of one step": result["cost"]}, result
 
@@ -162,3 +170,16 @@ def _home(arguments: argparse.Namespace) -> Result:
     result = bench_home(options, _config(arguments))
     rows = [{key: run[key] for key in HOME_ROW} for run in result["runs"]]
     return {"home": rows, "mean": [result["mean"]]}, result
+
+
+def _kidnap(arguments: argparse.Namespace) -> Result:
+    from robot.bench.kidnap import bench_kidnap
+
+    result = bench_kidnap(
+        arguments.scene,
+        arguments.seed,
+        arguments.carries,
+        _config(arguments),
+        rendered=not arguments.drawn,
+    )
+    return {"carried": result["carries"], "in all": [result["summary"]]}, result

@@ -1,4 +1,4 @@
-"""Lifted by somebody, and put down, perhaps elsewhere: look whether the place is known."""
+"""Lifted and put down, perhaps elsewhere, or lost in another way: is the place known?"""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ class Lifted(State):
 
     name = "lifted"
     guarded = False
+    happened = "it was put down"
 
     def __init__(self, resume: State | Name) -> None:
         self._resume = resume
@@ -42,10 +43,10 @@ class Lifted(State):
         if self._down_ns is None:
             self._down_ns, self._from_rad = now.t_ns, now.turned_rad
         down_s = seconds(self._down_ns, now.t_ns)
-        if down_s < SETTLE_S or not self._latch.clear(now, "it was put down"):
+        if down_s < SETTLE_S or not self._latch.clear(now, self.happened):
             if down_s > TIMEOUT_S:
                 return give_up(f"the motor controller keeps its stop: {now.link.stop_reason}")
-            return Step(halt("it was put down"))
+            return Step(halt(self.happened))
         return self._look(now, down_s)
 
     def _look(self, now: Situation, down_s: float) -> Step:
@@ -53,12 +54,19 @@ class Lifted(State):
         share = 0.0 if math.isnan(now.recognised) else now.recognised
         if share >= SURE and turned >= SETTLE_RAD and now.health == "lost":
             now.settle()  # what it sees stands where it was: nobody carried it away
-            return Step(then=self._resume, reason="it was put down where it was")
+            return Step(then=self._resume, reason=f"{self.happened} where it was")
         enough = SURE if turned < math.pi else ENOUGH
         if share >= enough and now.health != "lost":
-            return Step(then=self._resume, reason="it was put down at a place that it knows")
+            return Step(then=self._resume, reason=f"{self.happened} at a place that it knows")
         if turned > TURNS_RAD or down_s > TIMEOUT_S:
             return give_up(
-                "it was put down at a place that it does not recognise; carry it to its dock"
+                f"{self.happened} at a place that it does not recognise; carry it to its dock"
             )
-        return Step(Wish(0.0, TURN_RADPS, reason="looking where it was put down"))
+        return Step(Wish(0.0, TURN_RADPS, reason=f"{self.happened}, looking where"))
+
+
+class Lost(Lifted):
+    """What is seen speaks against the place where the robot believed to be."""
+
+    name = "lost"
+    happened = "it found itself"

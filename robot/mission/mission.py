@@ -12,7 +12,7 @@ from robot.mission.clean import WORK
 from robot.mission.dock import Dock
 from robot.mission.job import Job
 from robot.mission.ladder import Kind
-from robot.mission.lifted import Lifted
+from robot.mission.lifted import Lifted, Lost
 from robot.mission.look import Look
 from robot.mission.recover import Recover
 from robot.mission.rest import Done, Error, Idle, Starting
@@ -135,6 +135,10 @@ class Mission:
             elif isinstance(state, Dock):
                 resume = "return"
             self.change(now, Lifted(resume), "it was lifted, or a wheel hangs over an edge")
+            return True
+        busy = Dock | Undock | Starting | Recover | Lifted | WheelOnly
+        if now.health == "lost" and not isinstance(state, busy):
+            self.change(now, Lost(state.after_trouble), "it does not know where it is")
             return True
         if now.battery_pct <= now.config.battery_stop_pct and not now.contact.charging:
             reason = f"the battery is down to {now.battery_pct:.0f} %: it stopped; carry it home"

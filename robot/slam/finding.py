@@ -23,7 +23,7 @@ FAMILIAR_NS = 10_000_000_000  # a landmark known for so long was not born of an 
 _FAMILIAR_COUNT = 3
 _DOUBT_NS = 1_500_000_000  # without a familiar landmark for so long, the pose is checked
 _QUARANTINE_NS = 30_000_000_000
-_DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 4_000_000_000
+_DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 2_500_000_000
 _APART_M, _APART_RAD = 0.4, 0.35  # drift stays below: found farther away, the robot was carried
 _APART_SIGMAS = 4.0
 FOUND_COV = np.diag([0.08, 0.08, 0.03]) ** 2
@@ -78,7 +78,7 @@ class SelfFinder:
         if in_doubt:
             glimpse = self._look(seen, _DOUBTING_EVERY_NS, self._sure_ns)
         else:
-            glimpse = self._look(seen, _CALM_EVERY_NS)
+            glimpse = self._look(seen, _CALM_EVERY_NS, seen.t_ns - _CALM_EVERY_NS)
         if glimpse is None:
             return
         if self._contradicts(glimpse.map_from_local @ self._local_from_base, pose, cov):
