@@ -86,7 +86,7 @@ def _config(arguments: argparse.Namespace) -> Config:
 
 
 def _stop(arguments: argparse.Namespace) -> Result:
-    from robot.body.check import stop_motors
+    from robot.body.halt import stop_motors
 
     sentence = stop_motors(_config(arguments))
     if arguments.json != "-":

@@ -74,6 +74,11 @@ class WatchedStereo:
         self._last_seq = seq
         return replace(frame, seq=seq)
 
+    @property
+    def difference_ns(self) -> int:
+        """Time between the two eyes' exposures of the latest pair, where the source knows it."""
+        return int(getattr(self._source, "difference_ns", 0))
+
     def close(self) -> None:
         """Give the device back; no further attempt is made."""
         self._next_try_s = float("inf")

@@ -45,6 +45,7 @@ class UvcStereo:
         self._seq = 0
         number = device.removeprefix("/dev/video")
         live = number.isdigit()
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # it is said below, once
         backend = cv2.CAP_V4L2 if live else cv2.CAP_ANY
         self._capture = cv2.VideoCapture(int(number) if live else device, backend)
         if not self._capture.isOpened():
