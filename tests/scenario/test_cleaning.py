@@ -183,9 +183,17 @@ def test_a_low_battery_brings_the_robot_home():
     def drain(body):
         body.battery_pct = 15.0
 
-    body, _ = live(one_room(), seed=2, duration_s=120, at=[(25.0, drain)])
+    def charge(body):
+        body.battery_pct = 85.0
+
+    config = Config(mission=MissionConfig(max_duration_s=30.0))
+    at = [(25.0, drain), (60.0, charge)]
+    body, _ = live(one_room(), seed=2, config=config, duration_s=160, at=at)
     assert "the battery is down to 15 %" in reasons(body)
-    assert body.docked and body.phases[-1] == "done"
+    assert body.phases[-6:] == ["charge", "undock", "look", "clean", "return", "dock"] or (
+        body.phases[-1] == "done" and "charge" in body.phases
+    ), reasons(body)
+    assert body.docked and "charged to 85 %, going on with the whole home" in reasons(body)
 
 
 def test_time_is_bounded():
