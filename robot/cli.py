@@ -152,6 +152,9 @@ def _add_run_options(verb: argparse.ArgumentParser) -> None:
         help="draw what is seen from perception's measured errors, without pictures (sim)",
     )
     verb.add_argument("--socket", type=Path, help="control socket: be watched, steered")
+    verb.add_argument(
+        "--log-ring", type=Path, metavar="DIR", help="log into a ring in this folder, in RAM"
+    )
     verb.add_argument("--home", type=Path, help="folder of the map: known at the start, kept after")
 
 
@@ -180,6 +183,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 real_time=arguments.real_time,
                 drawn=arguments.drawn,
                 socket=arguments.socket,
+                log_ring=arguments.log_ring,
                 home=arguments.home,
             ),
             load_config(arguments.config),

@@ -17,6 +17,7 @@ from typing import Protocol
 from robot.body.base import Asked, Recorder
 from robot.body.notify import Notifier
 from robot.config import Config
+from robot.hardware.button import Button, verb_of
 from robot.hardware.buzzer import Buzzer
 from robot.hardware.wheels import WheelBridge
 from robot.messages import (
@@ -26,6 +27,7 @@ from robot.messages import (
     Command,
     Event,
     ImuSample,
+    MissionState,
     Planned,
     PlanOrder,
     Request,
@@ -145,6 +147,7 @@ class LiveBody:
         self._recorder, self._notifier, self._clock = recorder, notifier or Notifier(""), clock
         self._duration_s = duration_s
         self._buzzer = Buzzer(config.robot.buzzer)
+        self._button, self._state = Button(config.robot.button), ""
         self._gauge, self._gauge_due_ns, self._gauged_ns = gauge, 0, -(10**18)
         self._feed_due_ns = self._status_due_ns = 0
         self._yaw = YawTrack()
@@ -190,6 +193,8 @@ class LiveBody:
         elif isinstance(command, Answer):
             if self._control is not None:
                 self._control.answer(command)
+        elif isinstance(command, MissionState):
+            self._state = command.state
         elif isinstance(command, Beep):
             self._buzzer.beep(self._clock())
         else:
@@ -204,6 +209,7 @@ class LiveBody:
             if worker.is_alive():
                 worker.join(timeout=2.0)
         self._camera.close()
+        self._button.close()
         if self._control is not None:
             self._control.close()
 
@@ -232,6 +238,8 @@ class LiveBody:
 
     def _inputs(self, now_ns: int) -> Iterator[Event]:
         self._buzzer.poll(now_ns)
+        if (press := self._button.poll(now_ns)) is not None:
+            yield Request(now_ns, verb_of(press, self._state))
         for event in self._wheels.poll(now_ns):
             # The gauge knows better than the motor controller's voltage divider, while it answers.
             if not (isinstance(event, Battery) and now_ns - self._gauged_ns < 5 * GAUGE_NS):
