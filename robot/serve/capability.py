@@ -65,6 +65,7 @@ class Operation:
     parameters: tuple[Parameter, ...] = ()
     refusals: tuple[int, ...] = ()  # beside 400, 401, 403, 413, 421, 429
     body: Schema | None = None  # of JSON
+    verb: str = ""  # of the runtime, if it hands one over
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +135,8 @@ def verb_operation(
         return JSONResponse(told, 200 if answer["accepted"] else 409)
 
     body = schema if properties else None
-    return Operation("POST", path, summary, ask, ACCEPTED, refusals=(409, 503), body=body)
+    refusals = (409, 503)
+    return Operation("POST", path, summary, ask, ACCEPTED, refusals=refusals, body=body, verb=verb)
 
 
 def listing_operation(verb: str, path: str, summary: str, answer: Schema) -> Operation:
