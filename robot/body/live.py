@@ -152,6 +152,7 @@ class LiveBody:
         self._feed_due_ns = self._status_due_ns = 0
         self._yaw = YawTrack()
         self._last_frame_ns = 0
+        self._blind = ""  # why the last frame told nothing
         self._last_seq = -1
         self._seen: queue.SimpleQueue[Seen] = queue.SimpleQueue()
         self._orders: queue.Queue[PlanOrder] = queue.Queue()
@@ -234,6 +235,7 @@ class LiveBody:
             "battery": self._gauge,
         }
         said = {code: getattr(device, "problem", "") for code, device in devices.items()}
+        said["perception"] = self._blind
         return [f"{code}: {problem}" for code, problem in said.items() if problem]
 
     def _inputs(self, now_ns: int) -> Iterator[Event]:
@@ -269,7 +271,12 @@ class LiveBody:
         frame = replace(frame, yaw_change_rad=turned_rad)
         if self._recorder is not None:
             self._recorder.frame(frame)
-        seen = self._perception.see(frame, frame.t_ns)
+        try:
+            seen = self._perception.see(frame, frame.t_ns)
+        except Exception as error:  # a network that fails blinds the robot, which then goes home
+            self._blind = f"frame {frame.seq} could not be perceived ({error!r})"
+            return
+        self._blind = ""
         self._seen.put(replace(seen, arrived_ns=self._clock()))
         self.frames += 1
         self.frames_dropped += frame.seq - self._last_seq - 1

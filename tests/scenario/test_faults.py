@@ -30,14 +30,14 @@ def test_a_robot_that_is_carried_away_says_that_it_was_put_down():
 
 def test_in_the_dark_it_creeps_with_the_brush_off_and_ends_with_a_reason():
     trial = Trial(Config(), "flat", 2)
-    trial.end_s = 75.0
+    trial.end_s = 55.0
 
     def script(trial, t_s):
-        trial.sight.dark |= t_s > 20.0
+        trial.sight.dark |= t_s > 18.0
 
     trial.live(script)
     control = Config().control
-    blind = [d for d in trial.drives if d.t_ns * 1e-9 > 23.0]
+    blind = [d for d in trial.drives if d.t_ns * 1e-9 > 20.6]
     assert max(abs(d.v_mps) for d in blind) <= control.wheel_only_mps + 1e-9
     assert max(abs(d.v_mps) for d in blind) > 0.05  # it does go home
     assert all(d.brush == d.fan == 0.0 for d in blind)
