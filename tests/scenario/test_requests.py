@@ -114,15 +114,17 @@ def test_rooms_are_listed_named_and_cleaned_by_name(fenced):
     plain = json.loads(json.dumps(brain.notes.to_dict()))
     assert plain["current"]["walls"][0]["name"] == "wall 1"
     requests = [
-        (0.5, "start"), (70.0, "rooms"), (72.0, "room name room-1 x"), (74.0, "stop"),
-        (76.0, "clean rooms cellar"),
+        (0.5, "start"), (60.0, "rooms"), (62.0, "room name room-1 den"), (64.0, "stop"),
+        (66.0, "clean rooms cellar"), (68.0, "clean rooms Den"), (69.0, "rooms"),
     ]  # fmt: skip
-    body, _, _ = live(small_flat(), requests, 80.0)
-    listed = next(a for a in body.answers if a.verb == "rooms")
-    names = [room["name"] for room in json.loads(listed.data)["rooms"]]
-    assert listed.accepted and "room 1" in names
-    refused = [a for a in body.answers if a.verb == "clean"]
-    assert not refused[0].accepted and "room 1" in refused[0].reason
+    body, _, _ = live(small_flat(), requests, 95.0)
+    first, second = (a for a in body.answers if a.verb == "rooms")
+    assert first.accepted and "room 1" in [r["name"] for r in json.loads(first.data)["rooms"]]
+    assert "den" in [r["name"] for r in json.loads(second.data)["rooms"]]
+    refused, accepted = (a for a in body.answers if a.verb == "clean")
+    assert not refused.accepted and "den" in refused.reason
+    assert accepted.accepted and "room" in body.phases
+    assert all(a.t_ns * 1e-9 < 72.0 for a in body.answers)
 
 
 def test_no_area_may_catch_the_robot_or_its_dock():
