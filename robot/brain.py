@@ -48,6 +48,7 @@ from robot.mission.recognise import Recognition
 from robot.mission.room_book import RoomBook
 from robot.mission.slip import SlipWatch
 from robot.mission.state import Situation
+from robot.mission.wheel_only import tells_something
 from robot.slam.slam import Slam
 
 MAP_REPORT_NS = 2_000_000_000
@@ -161,7 +162,7 @@ class Brain:
         self._recognition.see(self._view, estimate.world_from_base, seen.scan)
         if self._recognition.against > AGAINST:
             self._slam.suspect(seen.t_ns)
-        if seen.quality >= self._config.mission.blind_quality:
+        if tells_something(seen, self._config.mission.blind_quality):
             self._sighted_ns = seen.t_ns
         trusted = self._mission.trusts_place
         if estimate.health != "lost" and trusted:

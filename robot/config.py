@@ -141,7 +141,8 @@ class SlamConfig(Section):
     ambiguity: NotNegative = 2.0  # a second choice must cost this much more
     consensus: Count = 4  # agreeing pairs before a landmark is found again
     # the map
-    max_landmarks: Count = 180
+    max_landmarks: Count = 180  # awake; the farther ones sleep
+    landmarks_per_m2: Count = 6  # kept where they are more than the filter can hold
     max_observations: Count = 30  # used of one frame
     provisional_sightings: Count = 6
     init_range_m: Positive = 3.0
@@ -254,7 +255,7 @@ class MissionConfig(Section):
     recover_limit_s: Positive = 35.0  # from the first try to the last
     recover_limit_m: Positive = 1.5  # backed off in all of them
     no_way_s: Positive = 22.0  # without a route to the dock before it says so
-    blind_after_s: Positive = 2.0  # so long without sight is no hiccup
+    blind_after_s: Positive = 2.5  # so long without sight is no hiccup
     blind_wait_s: Positive = 6.0  # sight may come back by itself
     blind_quality: Fraction = 0.03  # of a frame; less is darkness
     blind_limit_m: Positive = 12.0  # farther by the wheels alone it may be anywhere

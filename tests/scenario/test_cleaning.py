@@ -163,9 +163,13 @@ def test_a_robot_that_stays_blind_says_so():
     def blind(body):
         body.sees = False
 
-    config = Config(mission=MissionConfig(denied_give_up_s=5.0))
+    config = Config(mission=MissionConfig(blind_limit_s=9.0))
     body, _ = live(one_room(), seed=1, config=config, duration_s=40, at=[(15.0, blind)])
-    assert body.phases[-1] == "error" and "nothing has been seen" in body.states[-1].reason
+    assert body.phases[-2:] == ["wheel-only", "error"], reasons(body)
+    assert "nothing is seen" in body.states[-1].reason
+    blind_drives = [d for d in body.drives if d.t_ns * 1e-9 > 18.0]
+    assert max(abs(d.v_mps) for d in blind_drives) <= ControlConfig().wheel_only_mps
+    assert all(d.brush == 0.0 for d in blind_drives)
 
 
 def test_without_its_marker_docking_is_tried_and_given_up_with_a_reason():
