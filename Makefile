@@ -12,7 +12,7 @@ SEED ?= 1
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: arm camera run demo fuzz faults test test-long lint types firmware firmware-trials messages bench train a53 clean
+.PHONY: arm camera service deb run demo fuzz faults test test-long lint types firmware firmware-trials messages bench train a53 clean
 
 run: $(VENV)/.sim
 	$(BIN)/sweeper run --body sim --scene $(SCENE) --seed $(SEED)
@@ -58,6 +58,10 @@ camera: $(VENV)/.dev
 # The runtime on an emulated Raspberry Pi: tests, outputs, and instructions of the hot path.
 arm: $(VENV)/.dev
 	$(BIN)/python deploy/proof/arm.py
+
+# The units under a real systemd as PID 1: killed, hung, updated, rolled back. Root, Linux.
+service: $(VENV)/.dev
+	$(BIN)/python deploy/proof/pid1.py
 
 train: $(VENV)/.train
 	$(BIN)/python -m models.train --help
