@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from h11 import LocalProtocolError
+from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -214,6 +216,11 @@ class Gate:
             if not started:
                 closing = {"connection": "close"}
                 await _refuse(error.status, error.reason, closing)(scope, receive, send)
+        except ClientDisconnect:
+            return
+        except LocalProtocolError as error:
+            if "MUST_CLOSE" not in str(error):
+                raise  # else nobody is there any more to be answered
 
 
 # ---------------------------------------------------------------------- parts
