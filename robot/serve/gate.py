@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from h11 import LocalProtocolError
 from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -218,9 +217,6 @@ class Gate:
                 await _refuse(error.status, error.reason, closing)(scope, receive, send)
         except ClientDisconnect:
             return
-        except LocalProtocolError as error:
-            if "MUST_CLOSE" not in str(error):
-                raise  # else nobody is there any more to be answered
 
 
 # ---------------------------------------------------------------------- parts
