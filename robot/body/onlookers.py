@@ -34,6 +34,7 @@ class Onlookers:
         """Raises HardwareError when the socket cannot be opened."""
         self._config, self._body, self._stack = config, body, stack
         self._looking: Looking | None = None
+        self._outlook: Outlook | None = None
         self.control: ControlSocket | None = None
         self.asked: Asked | None = None  # the socket, and perhaps a schedule beside it
         if socket is not None:
@@ -45,6 +46,8 @@ class Onlookers:
         books = Books(log, folder)
         self._stack.callback(books.close)
         self.asked = WithSchedule(self.control, books)
+        if self._outlook is not None:
+            self._outlook.offer("mission", "map", "books")
         return books
 
     def look_through(self, perception: Looking) -> None:
@@ -59,7 +62,8 @@ class Onlookers:
             return observer
         config = self._config
         diary = Diary(observer, folder)
-        outlook = Outlook(diary, brain, self._body, config.robot.radius_m)
+        outlook = self._outlook = Outlook(diary, brain, self._body, config.robot.radius_m)
+        outlook.offer("mission", "map")  # until somebody keeps books
         publisher = Publisher(outlook, self._looked, lambda: check_running(config))
         self._stack.callback(publisher.stop)
         self.control.adopt = publisher.adopt

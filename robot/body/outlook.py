@@ -77,15 +77,14 @@ class Outlook:
 
     def __init__(self, log: EventLog, brain: Sight, body: str, radius_m: float) -> None:
         self._log, self._brain = log, brain
-        self.hello = {
+        self.hello: dict[str, Any] = {
             "type": "hello",
             "protocol": PROTOCOL,
             "software": __version__,
             "body": body,
             "radius_m": radius_m,
-            "verbs": [verb.name for verb in VERBS],
-            "commands": [verb.as_dict() for verb in VERBS],
         }
+        self.offer("mission", "map", "books")
         self.wanted = False
         self.wake: Callable[[], None] = lambda: None
         self._lock = threading.Lock()
@@ -100,6 +99,12 @@ class Outlook:
         self._health = "ok"
         self.track = Track()
         self._news: dict[str, Any] = {}
+
+    def offer(self, *places: str) -> None:
+        """Tell watchers to come of the verbs that these answer (`Verb.place`)."""
+        verbs = [verb for verb in VERBS if verb.place in places]
+        self.hello["verbs"] = [verb.name for verb in verbs]
+        self.hello["commands"] = [verb.as_dict() for verb in verbs]
 
     # ------------------------------------------------------------------ EventLog
 

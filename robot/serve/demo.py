@@ -66,6 +66,7 @@ def run_command(options: argparse.Namespace, socket: Path) -> list[str]:
         *("--body", "sim", "--real-time", "--wait", "--no-progress"),
         *("--scene", options.scene, "--seed", str(options.seed)),
         *("--socket", str(socket), "--out", str(options.out)),
+        *("--home", str(options.out / f"home-{Path(options.scene).stem}-{options.seed}")),
     ]
     return [sys.executable, "-m", "robot", "run", *words, *(["--drawn"] if options.drawn else [])]
 

@@ -51,7 +51,7 @@ class Live:
                     raise error
             if socket.application_state is not WebSocketState.DISCONNECTED:
                 await socket.close(1008)
-        except GONE:
+        except (*GONE, asyncio.CancelledError):  # cancelled: the server itself ends
             pass
         finally:
             self._driver.release(box)

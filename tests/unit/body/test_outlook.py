@@ -240,3 +240,11 @@ def test_stage_times_are_smoothed(robot):
     while "scan" not in (status := watching.json("status"))["stage_ms"]:
         robot.outlook.event(Tick(status and 3 * NS))
     assert status["stage_ms"]["scan"] == 4.0
+
+
+def test_only_what_somebody_answers_is_offered():
+    outlook = Outlook(Log(), Floor(), "sim", 0.17)
+    assert {"start", "rooms", "schedule list"} <= set(outlook.hello["verbs"])
+    outlook.offer("mission", "map")
+    assert "rooms" in outlook.hello["verbs"] and "schedule list" not in outlook.hello["verbs"]
+    assert {verb["place"] for verb in outlook.hello["commands"]} == {"mission", "map"}

@@ -28,7 +28,7 @@ from websockets.sync.client import connect
 from robot.body.control import ask
 from robot.serve.keys import Keyring
 
-ROUNDS, ROUND_S = 8, 8.0
+ROUNDS, ROUND_S = 6, 8.0
 
 
 class Ticking(StandIn):
@@ -158,8 +158,9 @@ def main():
             time.sleep(4)
             collect(robot, busy)
             most_mb = max(most_mb, resident_mb(process.pid))
-            crowd.stdin.close()
+            crowd.kill()
             crowd.wait(timeout=60)
+            crowd.stdin.close()
             time.sleep(2)
         figures["attacked_resident_mb"] = round(most_mb, 1)
         for name, index in (("tick_cost_ms", 0), ("tick_late_ms", 1), ("tick_cpu_ms", 2)):
