@@ -12,7 +12,7 @@ SEED ?= 1
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: camera run demo fuzz test test-long lint types firmware firmware-trials messages bench train a53 clean
+.PHONY: arm camera service deb run demo fuzz faults test test-long lint types firmware firmware-trials messages bench train a53 clean
 
 run: $(VENV)/.sim
 	$(BIN)/sweeper run --body sim --scene $(SCENE) --seed $(SEED)
@@ -39,6 +39,10 @@ types: $(VENV)/.dev
 firmware:
 	$(MAKE) -C firmware_bridge/firmware host
 
+# Twelve things that go wrong, ten times each: half an hour on one core.
+faults: $(VENV)/.sim
+	$(BIN)/sweeper bench faults --trials 10 --jobs $(shell nproc)
+
 # Every trial of the motor controller at its full length (hours), and an hour of fuzzing.
 firmware-trials: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/firmware -m long -s
@@ -50,6 +54,14 @@ messages: $(VENV)/.dev
 # Real libcamera (Debian trixie, virtual pipeline) feeds the camera adapter. Root, network.
 camera: $(VENV)/.dev
 	$(BIN)/python deploy/proof/camera.py
+
+# The runtime on an emulated Raspberry Pi: tests, outputs, and instructions of the hot path.
+arm: $(VENV)/.dev
+	$(BIN)/python deploy/proof/arm.py
+
+# The units under a real systemd as PID 1: killed, hung, updated, rolled back. Root, Linux.
+service: $(VENV)/.dev
+	$(BIN)/python deploy/proof/pid1.py
 
 train: $(VENV)/.train
 	$(BIN)/python -m models.train --help

@@ -19,6 +19,7 @@ FLASH_BYTES, RAM_BYTES = 32256, 2048  # without the boot loader's 512 bytes
 _HANG_US = 0xFFFFFFFF
 _POWER_CYCLE_US = 0xFFFFFFFE
 _BLIND_US = 0xFFFFFFFD
+_STACK_US = 0xFFFFFFFC
 _TOOLS = "apt-get install make gcc-avr avr-libc binutils-avr"
 _EMULATOR_TOOLS = "apt-get install build-essential libsimavr-dev libelf-dev"
 
@@ -103,3 +104,7 @@ class EmulatedFirmware(HostFirmware):
     def blind(self) -> None:
         """End the interrupts of the ADC: its last samples stay for ever."""
         self._exchange(self._record(_BLIND_US, HostInputs(), 0))
+
+    def stack_bytes(self) -> int:
+        """How deep the stack has been since the start."""
+        return self._exchange(self._record(_STACK_US, HostInputs(), 0)).bytes_sent_by_mcu

@@ -106,6 +106,9 @@ def parser() -> argparse.ArgumentParser:
         verbs, "check", "is this machine ready to drive? every finding has a remedy", _check
     )
     check.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
+    check.add_argument(
+        "--bundle", type=Path, metavar="FILE", help="also write a .tar.gz for a helper: no secrets"
+    )
 
     from robot.body.asking import add_ask_options
 
@@ -149,6 +152,9 @@ def _add_run_options(verb: argparse.ArgumentParser) -> None:
         help="draw what is seen from perception's measured errors, without pictures (sim)",
     )
     verb.add_argument("--socket", type=Path, help="control socket: be watched, steered")
+    verb.add_argument(
+        "--log-ring", type=Path, metavar="DIR", help="log into a ring in this folder, in RAM"
+    )
     verb.add_argument("--home", type=Path, help="folder of the map: known at the start, kept after")
 
 
@@ -177,6 +183,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 real_time=arguments.real_time,
                 drawn=arguments.drawn,
                 socket=arguments.socket,
+                log_ring=arguments.log_ring,
                 home=arguments.home,
             ),
             load_config(arguments.config),
@@ -216,9 +223,15 @@ def _check(arguments: argparse.Namespace) -> int:
     from robot.config import load_config
     from robot.progress import print_table
 
-    findings = check(load_config(arguments.config))
+    config = load_config(arguments.config)
+    findings = check(config)
     if arguments.json != "-":
         print_table("check", findings)
+    if arguments.bundle is not None:
+        from robot.body.bundle import write_bundle
+        from robot.body.check_machine import Machine
+
+        write_bundle(arguments.bundle, config, findings, Machine())
     _write_json(arguments.json, {"checks": findings})
     return EXIT_FAILED if any(f["level"] == "error" for f in findings) else EXIT_DONE
 

@@ -37,6 +37,7 @@ class RobotConfig(Section):
     dock_marker_id: Annotated[int, Meta(ge=0, le=49)] = 7  # ArUco dictionary 4x4_50
     dock_marker_size_m: Positive = 0.09
     dock_width_m: Positive = 0.20
+    button: str = ""  # an input device that starts, pauses and (held) sends home
     buzzer: str = ""  # a file that sounds it with 1, such as /sys/class/leds/buzzer/brightness
 
 
@@ -140,7 +141,8 @@ class SlamConfig(Section):
     ambiguity: NotNegative = 2.0  # a second choice must cost this much more
     consensus: Count = 4  # agreeing pairs before a landmark is found again
     # the map
-    max_landmarks: Count = 180
+    max_landmarks: Count = 180  # awake; the farther ones sleep
+    landmarks_per_m2: Count = 6  # kept where they are more than the filter can hold
     max_observations: Count = 30  # used of one frame
     provisional_sightings: Count = 6
     init_range_m: Positive = 3.0
@@ -225,7 +227,7 @@ class ControlConfig(Section):
     memory_range_m: Positive = 1.2
     no_go_margin_m: NotNegative = 0.03  # kept between the footprint and what people forbade
     wheel_only_mps: Annotated[float, Meta(gt=0.0, le=0.1)] = 0.10  # without sight
-    manual_expires_s: Annotated[float, Meta(gt=0.0, le=0.3)] = 0.25  # the dead man's handle
+    manual_expires_s: Annotated[float, Meta(gt=0.0, le=0.3)] = 0.2  # the dead man's handle
 
 
 class MissionConfig(Section):
@@ -252,8 +254,8 @@ class MissionConfig(Section):
     recover_reset_m: Positive = 0.5
     recover_limit_s: Positive = 35.0  # from the first try to the last
     recover_limit_m: Positive = 1.5  # backed off in all of them
-    no_way_s: Positive = 30.0  # without a route to the dock before it says so
-    blind_after_s: Positive = 2.0  # so long without sight is no hiccup
+    no_way_s: Positive = 22.0  # without a route to the dock before it says so
+    blind_after_s: Positive = 2.5  # so long without sight is no hiccup
     blind_wait_s: Positive = 6.0  # sight may come back by itself
     blind_quality: Fraction = 0.03  # of a frame; less is darkness
     blind_limit_m: Positive = 12.0  # farther by the wheels alone it may be anywhere

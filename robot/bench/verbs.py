@@ -92,6 +92,11 @@ def add_verbs(benches: Any, verb: AddVerb, write_json: Callable[[str | None, Any
     )
     slam.add_argument("--out", type=Path, default=Path("runs/slam"), help="pictures and tracks")
 
+    faults = add("faults", "twelve things that go wrong, and what the robot makes of them", _faults)
+    faults.add_argument("--trials", type=int, default=10, metavar="N", help="of each fault")
+    faults.add_argument("--faults", default="", metavar="LIST", help="by commas; default: all")
+    faults.add_argument("--jobs", type=int, default=1, metavar="N", help="side by side")
+
     home = add("home", "whole cleaning runs in simulated homes, side by side", _home)
     home.add_argument("--scenes", default="flat", metavar="LIST", help="names or files, by commas")
     home.add_argument("--seeds", default="1-5", metavar="LIST", help='like "1,3,10-12"')
@@ -153,6 +158,14 @@ def _slam(arguments: argparse.Namespace) -> Result:
         tell=lambda line: print(line, file=sys.stderr),
     )
     return {"slam": result["runs"], "cost of one step": result["cost"]}, result
+
+
+def _faults(arguments: argparse.Namespace) -> Result:
+    from robot.bench.faults import bench_faults
+
+    names = [name.strip() for name in arguments.faults.split(",") if name.strip()]
+    result = bench_faults(arguments.trials, names, _config(arguments), arguments.jobs)
+    return {"faults": result["faults"]}, result
 
 
 def _home(arguments: argparse.Namespace) -> Result:

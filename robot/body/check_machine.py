@@ -122,7 +122,7 @@ def _disk(machine: Machine) -> Finding:
             "a card that failed turns read-only: replace it, or correct the owner",
         )
     if free_mb < MIN_FREE_DISK_MB:
-        return error("disk", f"{free_mb} MB free", "delete old runs: `sweeper-tidy`")
+        return error("disk", f"{free_mb} MB free", "delete old runs: `sweeper log tidy DIR`")
     return ok("disk", f"{free_mb} MB free")
 
 

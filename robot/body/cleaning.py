@@ -22,6 +22,7 @@ from robot.body.live import LiveBody
 from robot.body.notify import Notifier
 from robot.body.observe import Observer, Snapshot
 from robot.body.onlookers import Onlookers
+from robot.body.ring import LogFile, open_log, rescued
 from robot.body.simulated import SimulatedBody
 from robot.body.sources import (
     open_calibration,
@@ -37,7 +38,7 @@ from robot.brain import Brain
 from robot.config import Config, dump_config
 from robot.errors import SweeperError
 from robot.hardware.wheels import open_wheels
-from robot.log.writer import LogHeader, LogWriter
+from robot.log.header import LogHeader
 from robot.run import never, run
 
 MAX_SIM_S = 1800.0  # a simulated clean that takes longer has lost its way
@@ -58,6 +59,7 @@ class RunOptions:
     real_time: bool = False
     drawn: bool = False
     socket: Path | None = None
+    log_ring: Path | None = None  # folder in RAM for a log that never grows
     home: Path | None = None  # folder of the map that is known and kept
 
 
@@ -87,7 +89,8 @@ def run_cleaning(
             calibration_name=config.camera.calibration,
             home=b"" if known is None else known[0],
         )
-        log = stack.enter_context(LogWriter(folder / "log.mcap", header, config.log))
+        log: LogFile = open_log(options.log_ring, folder, header, config.log)
+        stack.enter_context(log)
         observer = Observer(log, log, progress, judge.covered_pct if judge else None)
         brain = Brain(config, None if known is None else known[1])
         if judge is not None:
@@ -103,14 +106,15 @@ def run_cleaning(
             else _live(options, config, observer, onlookers, stack)
         )
         started_s = time.monotonic()
-        run(body, brain, keeper or loop_log, ended)
+        with rescued(log, folder):
+            run(body, brain, keeper or loop_log, ended)
         ended_by = ended() or None
         wall_s = time.monotonic() - started_s
         if keeper is not None:
             keeper.close()
     summary = summarise(observer, body, judge, options.scene, options.seed, wall_s)
     summary["ended_by"] = ended_by
-    summary["log"] = str(folder / "log.mcap")
+    summary["log"] = str(options.log_ring or folder / "log.mcap")
     write_run_folder(folder, summary, observer, judge, config)
     return summary
 

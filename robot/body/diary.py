@@ -46,7 +46,8 @@ class Diary:
         if self._began is None and command.state not in RESTING:
             begun = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
             poses = len(self._observer.estimates)
-            self._began = (command.t_ns, poses, self._swept_m2, begun)
+            swept_m2 = min(self._swept_m2, command.covered_m2)  # a new run may begin at 0
+            self._began = (command.t_ns, poses, swept_m2, begun)
         elif self._began is not None and command.state in RESTING:
             self._end(command, *self._began)
             self._began = None

@@ -54,9 +54,9 @@ def encode_home(home: Home) -> bytes:
         "notes": home.notes,
     }
     file = io.BytesIO()
-    text = np.frombuffer(json.dumps(about).encode(), np.uint8)
-    typed = {name: np.asarray(array, _DTYPE[name]) for name, array in arrays.items()}
-    np.savez_compressed(file, about=text, **typed)
+    members: dict[str, Any] = {n: np.asarray(array, _DTYPE[n]) for n, array in arrays.items()}
+    members["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    np.savez_compressed(file, **members)
     return file.getvalue()
 
 
@@ -101,11 +101,11 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
     numbers = [arrays[key] for key in ("slam.state", "slam.cov", "places.xy_m", "grid.log_odds")]
     if not all(np.isfinite(array).all() for array in numbers) or max(n - 10, 0) != 2 * m:
         raise ValueError("numbers that make no sense")
-    of, corner = arrays["slam.signature_of"], [int(v) for v in about["corner"]]
+    of, (ix0, iy0) = arrays["slam.signature_of"], (int(v) for v in about["corner"])
     if (k and (of.min() < 0 or of.max() >= m)) or len(set(of.tolist())) != m:
         raise ValueError("signatures of no landmark")
     shape = arrays["grid.log_odds"].shape
-    if len(shape) != 2 or max(*shape, *map(abs, corner)) > _MAX_CELLS or len(corner) != 2:
+    if len(shape) != 2 or max(*shape, abs(ix0), abs(iy0)) > _MAX_CELLS:
         raise ValueError("no grid")
     MapNotes.from_dict(about["notes"], name)
     return Home(
@@ -116,7 +116,7 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
             **{key: arrays[f"slam.{key}"] for key in _SLAM},
         ),
         grid=GridMemory(
-            float(about["resolution_m"]), *corner, arrays["grid.log_odds"], arrays["grid.sticky"]
+            float(about["resolution_m"]), ix0, iy0, arrays["grid.log_odds"], arrays["grid.sticky"]
         ),
         world_from_docked=_pose(about["world_from_docked"]),
         docked_from_marker=_pose(about["docked_from_marker"]) or SE2(),

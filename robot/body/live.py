@@ -17,6 +17,7 @@ from typing import Protocol
 from robot.body.base import Asked, Recorder
 from robot.body.notify import Notifier
 from robot.config import Config
+from robot.hardware.button import Button, verb_of
 from robot.hardware.buzzer import Buzzer
 from robot.hardware.wheels import WheelBridge
 from robot.messages import (
@@ -26,6 +27,7 @@ from robot.messages import (
     Command,
     Event,
     ImuSample,
+    MissionState,
     Planned,
     PlanOrder,
     Request,
@@ -145,10 +147,12 @@ class LiveBody:
         self._recorder, self._notifier, self._clock = recorder, notifier or Notifier(""), clock
         self._duration_s = duration_s
         self._buzzer = Buzzer(config.robot.buzzer)
+        self._button, self._state = Button(config.robot.button), ""
         self._gauge, self._gauge_due_ns, self._gauged_ns = gauge, 0, -(10**18)
         self._feed_due_ns = self._status_due_ns = 0
         self._yaw = YawTrack()
         self._last_frame_ns = 0
+        self._blind = ""  # why the last frame told nothing
         self._last_seq = -1
         self._seen: queue.SimpleQueue[Seen] = queue.SimpleQueue()
         self._orders: queue.Queue[PlanOrder] = queue.Queue()
@@ -190,6 +194,8 @@ class LiveBody:
         elif isinstance(command, Answer):
             if self._control is not None:
                 self._control.answer(command)
+        elif isinstance(command, MissionState):
+            self._state = command.state
         elif isinstance(command, Beep):
             self._buzzer.beep(self._clock())
         else:
@@ -204,6 +210,7 @@ class LiveBody:
             if worker.is_alive():
                 worker.join(timeout=2.0)
         self._camera.close()
+        self._button.close()
         if self._control is not None:
             self._control.close()
 
@@ -228,10 +235,13 @@ class LiveBody:
             "battery": self._gauge,
         }
         said = {code: getattr(device, "problem", "") for code, device in devices.items()}
+        said["perception"] = self._blind
         return [f"{code}: {problem}" for code, problem in said.items() if problem]
 
     def _inputs(self, now_ns: int) -> Iterator[Event]:
         self._buzzer.poll(now_ns)
+        if (press := self._button.poll(now_ns)) is not None:
+            yield Request(now_ns, verb_of(press, self._state))
         for event in self._wheels.poll(now_ns):
             # The gauge knows better than the motor controller's voltage divider, while it answers.
             if not (isinstance(event, Battery) and now_ns - self._gauged_ns < 5 * GAUGE_NS):
@@ -261,7 +271,12 @@ class LiveBody:
         frame = replace(frame, yaw_change_rad=turned_rad)
         if self._recorder is not None:
             self._recorder.frame(frame)
-        seen = self._perception.see(frame, frame.t_ns)
+        try:
+            seen = self._perception.see(frame, frame.t_ns)
+        except Exception as error:  # a network that fails blinds the robot, which then goes home
+            self._blind = f"frame {frame.seq} could not be perceived ({error!r})"
+            return
+        self._blind = ""
         self._seen.put(replace(seen, arrived_ns=self._clock()))
         self.frames += 1
         self.frames_dropped += frame.seq - self._last_seq - 1

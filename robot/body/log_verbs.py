@@ -44,6 +44,17 @@ def add_log_verbs(logs: Any, verb: Callable[..., argparse.ArgumentParser], write
         files = export_log(arguments.log, arguments.out, arguments.to)
         return done(arguments, {"files": files}, f"wrote {', '.join(files)} to {arguments.out}.")
 
+    def tidy_up(arguments: argparse.Namespace) -> int:
+        from robot.body.tidy import tidy
+
+        result = tidy(arguments.folder, arguments.keep_runs, arguments.keep_mb)
+        sentence = f"{result['kept']} runs kept, {len(result['removed'])} removed."
+        return done(arguments, result, sentence)
+
+    tidy_verb = verb(logs, "tidy", "keep the recent runs, remove the older ones", tidy_up)
+    tidy_verb.add_argument("folder", type=Path, metavar="DIR", help="the folder of runs")
+    tidy_verb.add_argument("--keep-runs", type=int, default=60, help="at most; default 60")
+    tidy_verb.add_argument("--keep-mb", type=float, default=500.0, help="at most; default 500")
     info_verb = verb(logs, "info", "what is in a log", info)
     cut_verb = verb(logs, "cut", "a part of a log as a log of its own", cut_out)
     export_verb = verb(logs, "export", "a log in the formats of other tools", export)

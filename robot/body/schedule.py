@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import date, datetime, time, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 from typing import Any
 
 from robot.errors import ConfigError, RequestError
@@ -103,9 +103,10 @@ def due(schedule: Schedule, now: datetime) -> Due:
     """What has come due since the last look. `now` knows its time zone (local time)."""
     last = schedule.checked
     checked = replace(schedule, checked=now)
-    if last is None or now <= last:
+    passed = None if last is None else now.astimezone(UTC) - last.astimezone(UTC)
+    if last is None or passed is None or passed <= timedelta():
         return Due((), checked)
-    awake = now - last <= AWAKE  # of real time: a change of summer time is no time
+    awake = passed <= AWAKE  # of real time: a change of summer time is no time
     wall, since = now.replace(tzinfo=None), last.replace(tzinfo=None)  # as clocks showed it
     earliest = since if awake else max(since, wall - GRACE)
     fired, entries = [], []

@@ -183,12 +183,13 @@ def read_model(name: str) -> bytes:
     folder = resources.files("models")
     manifest = tomllib.loads((folder / "manifest.toml").read_text(encoding="utf-8"))
     name = name or manifest["default"]
-    entry = manifest["models"].get(name)
-    if entry is None:
+    entries = {entry["name"]: entry for entry in manifest["networks"]}
+    if name not in entries:
         raise ModelError(
-            f"'{name}' is not in models/manifest.toml; choose one of "
-            f"{', '.join(manifest['models'])}, or give the path of an .onnx file."
+            f"'{name}' is not in models/manifest.toml; choose one of {', '.join(entries)}, or give "
+            "the path of an .onnx file."
         )
+    entry = entries[name]
     artifact = folder / entry["file"]
     data = artifact.read_bytes() if artifact.is_file() else b""
     if hashlib.sha256(data).hexdigest() != entry["sha256"]:

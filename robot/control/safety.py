@@ -85,7 +85,7 @@ class SafetyGate:
         cap_mps, slowed, free_m = self._cap(t_ns, v, w, wish, odom_from_base)
         self.verdict = Verdict(slowed=slowed if abs(v) > cap_mps else "", free_m=free_m)
         if abs(v) > cap_mps:
-            if cap_mps > 0.0:  # the arc stays the same; before a line it may turn in its place
+            if cap_mps > TURNING_MPS:  # the arc stays the same; standing it may turn
                 w *= cap_mps / abs(v)
             v = math.copysign(cap_mps, v)
             self._ramp.force(v, w)

@@ -24,9 +24,12 @@ class Rooms:
     names: tuple[str, ...]
 
     def number(self, name: str) -> int:
-        """The room with this name, capitals or not. Raises MapError when there is none."""
+        """The room with this name; capitals do not matter, and a hyphen may stand for a space.
+
+        Raises MapError when there is none.
+        """
         for number, known in enumerate(self.names, 1):
-            if known.casefold() == name.casefold():
+            if _plain(known) == _plain(name):
                 return number
         listed = ", ".join(self.names) or "none yet, let the robot clean once"
         raise MapError(f"no room is called {name!r}; there is: {listed}.")
@@ -78,6 +81,10 @@ def make_rooms(grid: Grid, found: np.ndarray, annotations: Annotations) -> Rooms
             names.setdefault(number, mark.name)
     count = int(labels.max(initial=0))
     return Rooms(grid, labels, tuple(names.get(i, f"room {i}") for i in range(1, count + 1)))
+
+
+def _plain(name: str) -> str:
+    return name.casefold().replace("-", " ")
 
 
 def room_at(grid: Grid, labels: np.ndarray, at_m: Point) -> int:

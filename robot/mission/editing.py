@@ -10,6 +10,7 @@ from typing import NamedTuple
 from robot.errors import MapError
 from robot.mapping.annotations import Annotations, Area, Join, Line, RoomName
 from robot.mapping.named_rooms import Rooms, room_at, splits
+from robot.mapping.outlines import outline_m
 from robot.mission.state import Situation
 from robot.mission.verbs import numbers
 
@@ -120,7 +121,12 @@ def _restore(args: Args, now: Situation) -> Reply:
 
 def _list(args: Args, now: Situation, rooms: Rooms) -> Reply:
     listed = [
-        {"name": name, "area_m2": round(rooms.area_m2(i), 2), "at_m": _rounded(rooms, i)}
+        {
+            "name": name,
+            "area_m2": round(rooms.area_m2(i), 2),
+            "at_m": _rounded(rooms, i),
+            "outline_m": outline_m(rooms, i),
+        }
         for i, name in enumerate(rooms.names, 1)
     ]
     if not listed:

@@ -9,6 +9,7 @@ made anew. The whole trouble is bounded by `recover_tries`, `recover_limit_s` an
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,6 +37,7 @@ RUNGS: dict[Phase, Rung] = {
 }
 WIGGLE_FROM, RETRACE_FROM = 3, 3  # tries
 RETRACE = Rung(15.0, 2.0)
+CLOSED_IN_S = 20.0  # a whole trouble, where no way leads on: there is little to try
 SAYS: dict[Kind, str] = {
     "bump": "touched something",
     "cliff": "came to a cliff",
@@ -60,7 +62,8 @@ def exhausted(now: Situation, kind: Kind, tries: int, stop: str) -> str:
     """Why the robot gives up now, empty while it may try on."""
     run, config = now.run, now.config
     took_s = seconds(run.trouble_since_ns, now.t_ns)
-    over = tries > config.recover_tries or took_s > config.recover_limit_s
+    limit_s = min(config.recover_limit_s, CLOSED_IN_S if run.closed_in else math.inf)
+    over = tries > config.recover_tries or took_s > limit_s
     if not over and run.trouble_back_m < config.recover_limit_m - 0.01:
         return ""
     done = max(1, tries - 1)
@@ -70,6 +73,8 @@ def exhausted(now: Situation, kind: Kind, tries: int, stop: str) -> str:
 
 def _cause(now: Situation, kind: Kind, stop: str) -> str:
     """What a person should look for."""
+    if now.run.closed_in:
+        return "it is closed in; open a way for it"
     if now.touching:
         return "its bumper stays pressed; free it"
     if "stall" in stop:
@@ -78,8 +83,6 @@ def _cause(now: Situation, kind: Kind, stop: str) -> str:
         return "a motor draws too much; take out what holds it"
     if kind == "slip":
         return "the floor is slippery or it hangs on something; carry it a step away"
-    if kind == "enclosed":
-        return "it is closed in; open a way for it"
     if kind == "cliff":
         return "it stands at an edge; carry it a step away"
     return "something holds it; carry it a step away"

@@ -10,7 +10,7 @@ from robot.mission.state import Latch, Name, Situation, State, Step, seconds
 
 HELD_S = 120.0  # in the air; then it is no longer waited for
 SETTLE_S = 0.6
-SETTLE_RAD = 2.5  # one view alone may look like another
+SETTLE_RAD = 5.8  # some views alone may look like others
 TURN_RADPS = 0.6
 TURNS_RAD = 4.0 * math.pi
 TIMEOUT_S = 30.0

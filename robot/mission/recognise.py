@@ -20,16 +20,21 @@ class Recognition:
     """A fading count of what was seen, and of what of it the map knows."""
 
     def __init__(self) -> None:
-        self._seen = self._known = 0.0
+        self._seen = self._known = self._against = 0.0
 
     def forget(self) -> None:
         """Begin anew, at another place perhaps."""
-        self._seen = self._known = 0.0
+        self._seen = self._known = self._against = 0.0
 
     @property
     def share(self) -> float:
         """0 to 1; NaN while too little has been seen."""
         return self._known / self._seen if self._seen >= MIN_HITS else math.nan
+
+    @property
+    def against(self) -> float:
+        """Share of what was seen that stands where the map says free; NaN like `share`."""
+        return self._against / self._seen if self._seen >= MIN_HITS else math.nan
 
     def see(self, grid: Grid, world_from_base: SE2, scan: Scan) -> None:
         """Add a scan taken from where the robot believes to be."""
@@ -38,22 +43,25 @@ class Recognition:
         if len(r) == 0:
             return
         hits = world_from_base.apply(np.stack([r * np.cos(b), r * np.sin(b)], axis=-1))
-        known = int(np.count_nonzero(_near_matter(grid, hits)))
+        near, free = _near_matter(grid, hits)
+        known, against = int(near.sum()), int((free & ~near).sum())
         keep = min(1.0, max(0.0, MEMORY - len(r)) / max(self._seen, 1e-9))
         self._seen = self._seen * keep + len(r)
         self._known = self._known * keep + known
+        self._against = self._against * keep + against
 
 
-def _near_matter(grid: Grid, points_m: np.ndarray) -> np.ndarray:
-    """Which of the points (n, 2) of `world` lie close to an occupied cell."""
+def _near_matter(grid: Grid, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which of the points (n, 2) of `world` lie close to an occupied cell, and which in a free."""
     res = grid.resolution_m
     origin = np.array([grid.origin_x_m, grid.origin_y_m])
     cells = np.floor((points_m - origin) / res).astype(int)
     rows, columns = grid.cells.shape
     inside = (cells >= 0).all(axis=1) & (cells[:, 0] < columns) & (cells[:, 1] < rows)
-    near = np.zeros(len(points_m), bool)
+    near, free = np.zeros(len(points_m), bool), np.zeros(len(points_m), bool)
     if not inside.any():
-        return near
+        return near, free
+    free[inside] = grid.cells[cells[inside, 1], cells[inside, 0]] == 0
     pad = math.ceil(NEAR_M / res)
     low = np.maximum(cells[inside].min(axis=0) - pad, 0)
     high = cells[inside].max(axis=0) + pad + 1
@@ -62,4 +70,4 @@ def _near_matter(grid: Grid, points_m: np.ndarray) -> np.ndarray:
     grown = cv2.dilate(matter, kernel)
     at = cells[inside] - low
     near[inside] = grown[at[:, 1], at[:, 0]] > 0
-    return near
+    return near, free

@@ -58,7 +58,8 @@ class Recover(State):
         if now.driven_m - run.trouble_at_m > now.config.recover_reset_m:
             run.troubles = 0
         if run.troubles == 0:
-            run.trouble_since_ns, run.trouble_back_m = now.t_ns, 0.0
+            run.trouble_since_ns, run.trouble_back_m, run.closed_in = now.t_ns, 0.0, False
+        run.closed_in |= self._kind == "enclosed"
         run.troubles += 1
         self._try = run.troubles
         self._stop = now.link.stop_reason

@@ -42,6 +42,7 @@ class RunRecord:
     trouble_at_m: float = 0.0  # distance driven when the last one ended
     trouble_since_ns: int = 0  # when the first of them began
     trouble_back_m: float = 0.0  # backed off since then
+    closed_in: bool = False  # one of them was that no way led on
     trail: Trail = field(default_factory=Trail)
 
 

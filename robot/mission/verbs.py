@@ -105,7 +105,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("go to", "drive to a place and wait there", _point("", "the place")),
     Verb(
         "manual",
-        "drive by hand; ask again within 300 ms, or the robot stops",
+        "drive by hand; ask again within 200 ms, or the robot stops",
         (
             Argument("v_mps", "number", "speed, negative: backwards"),
             Argument("yaw_rate_radps", "number", "turn rate, positive: left"),

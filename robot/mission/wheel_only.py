@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from robot.control.limits import clamp
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import SE2, wrap_angle
+from robot.messages import Seen
 from robot.mission.drive import Drive
 from robot.mission.rest import give_up
 from robot.mission.state import Latch, Name, Situation, State, Step, seconds
@@ -18,6 +21,7 @@ from robot.mission.state import Latch, Name, Situation, State, Step, seconds
 WHY = "nothing is seen: a dark room, a covered lens or no picture"
 MAX_TOUCHES = 3
 BACK_M, BACK_S = 0.08, 2.5
+LOOK_RADPS = 0.4
 IN_MPS = 0.05  # into the dock
 BEYOND_M = 0.06
 MAX_SIDE_M = 0.10  # off the dock's axis: not worth a try
@@ -59,8 +63,12 @@ class WheelOnly(State):
         self._phase, self._phase_odom, self._phase_ns = phase, now.odom, now.t_ns
 
     def _wait(self, now: Situation) -> Step:
+        """It may be a plain wall right before it: look elsewhere."""
         if seconds(self._since_ns, now.t_ns) < now.config.blind_wait_s:
-            return Step(halt("nothing is seen, waiting"))
+            if now.contact.charging or now.touching or now.latched:
+                return Step(halt("nothing is seen, waiting"))
+            turn = Wish(0.0, LOOK_RADPS, reason="nothing is seen, looking elsewhere")
+            return Step(replace(turn, wheel_only=True))
         if now.contact.charging:
             return give_up(f"{WHY}; it stays on its dock")
         if now.sight.world_from_docked is None:
@@ -125,6 +133,13 @@ class WheelOnly(State):
             return Step(Wish(0.0, turn, reason="turning to the dock", wheel_only=True))
         turn = clamp(2.0 * error, 0.3)
         return Step(Wish(IN_MPS, turn, reason="into the dock without sight", wheel_only=True))
+
+
+def tells_something(seen: Seen, least_quality: float) -> bool:
+    """Whether a frame is worth anything: near a plain wall little is seen, in the dark nothing."""
+    if seen.quality >= least_quality or seen.landmarks or seen.motion is not None:
+        return True
+    return bool(np.isfinite(seen.scan.range_m).any() or (seen.scan.clear_m > 0.0).any())
 
 
 def _creeping(wish: Wish, now: Situation) -> Wish:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
+from robot.serve.fields import BadBody, Schema, fields, read_body, words
+
 if TYPE_CHECKING:
     from robot.serve.runs import Runs
     from robot.serve.runtime import Runtime
     from robot.serve.world import World
 
 PREFIX = "/api/v1"
-Schema = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,8 @@ class Operation:
     media: str = "application/json"
     parameters: tuple[Parameter, ...] = ()
     refusals: tuple[int, ...] = ()  # beside 400, 401, 403, 413, 421, 429
+    body: Schema | None = None  # of JSON
+    verb: str = ""  # of the runtime, if it hands one over
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +100,14 @@ class Capability:
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
 
-RESTING = frozenset({"idle", "docked", "done", "error"})
+RESTING = frozenset({"none", "idle", "docked", "done", "error", "charge", "manual"})
 ACTIVE = frozenset(
-    {"starting", "undock", "look", "clean", "return", "dock", "recover", "spot", "travel"}
-)
+    {
+        "starting", "undock", "look", "clean", "spot", "zone", "room", "goto", "return", "dock",
+        "recover", "retrace", "lost", "wheel-only",
+    }
+)  # fmt: skip
+ANY = RESTING | ACTIVE | {"paused", "lifted"}
 ACCEPTED: Schema = {
     "type": "object",
     "required": ["accepted", "reason"],
@@ -108,19 +115,66 @@ ACCEPTED: Schema = {
 }
 
 
-def request_capability(
-    verb: str, title: str, summary: str, button: Button, path: str = ""
-) -> Capability:
-    """A capability that hands one verb to the mission."""
+def verb_operation(
+    verb: str,
+    path: str,
+    summary: str,
+    properties: Mapping[str, Schema] | None = None,
+    optional: Sequence[str] = (),
+) -> Operation:
+    """Hands one verb to the runtime; `properties` are its arguments, in the verb's order."""
+    schema = fields(properties or {}, optional)
 
     async def ask(robot: Robot, request: Request) -> Response:
-        answer = await robot.runtime.request(verb)
-        return JSONResponse(answer, 200 if answer["accepted"] else 409)
+        try:
+            arguments = words(schema, read_body(schema, await request.body()))
+        except BadBody as error:
+            return JSONResponse({"error": str(error)}, 400)
+        answer = await robot.runtime.request(verb, arguments)
+        told = {"accepted": answer["accepted"], "reason": answer["reason"]}
+        return JSONResponse(told, 200 if answer["accepted"] else 409)
 
-    operation = Operation("POST", path or f"/{verb}", summary, ask, ACCEPTED, refusals=(409, 503))
-    return Capability(
-        verb, title, summary, (operation,), lambda robot: robot.world.has(verb), button
-    )
+    body = schema if properties else None
+    refusals = (409, 503)
+    return Operation("POST", path, summary, ask, ACCEPTED, refusals=refusals, body=body, verb=verb)
+
+
+def listing_operation(verb: str, path: str, summary: str, answer: Schema) -> Operation:
+    """Tells what the runtime has to list under a verb."""
+
+    async def read(robot: Robot, request: Request) -> Response:
+        told = await robot.runtime.request(verb)
+        if not told["accepted"]:
+            return JSONResponse({"accepted": False, "reason": told["reason"]}, 409)
+        return JSONResponse({"reason": told["reason"], **told["data"]})
+
+    return Operation("GET", path, summary, read, answer, refusals=(409, 503))
+
+
+def listed(**lists: Schema) -> Schema:
+    """The schema of a listing: a sentence, and more."""
+    return {
+        "type": "object",
+        "required": ["reason", *lists],
+        "properties": {"reason": {"type": "string"}, **lists},
+    }
+
+
+def request_capability(
+    verb: str,
+    title: str,
+    summary: str,
+    button: Button,
+    properties: Mapping[str, Schema] | None = None,
+) -> Capability:
+    """A capability that is one verb with a button; all its arguments are optional."""
+    operation = verb_operation(verb, f"/{verb}", summary, properties, tuple(properties or ()))
+    return Capability(verb, title, summary, (operation,), has_verbs(verb), button)
+
+
+def has_verbs(*verbs: str) -> Callable[[Robot], bool]:
+    """Shown while the robot knows all of these."""
+    return lambda robot: all(robot.world.has(verb) for verb in verbs)
 
 
 @cache

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from robot import __version__
 from robot.serve.capability import Capability, Robot
 
 BASE = "sweeper"
-# Home Assistant's payload for a feature of its vacuum, where it is not the feature's own name.
-VACUUM_PAYLOADS = {"return_home": "return_to_base"}
 
 
 def discovery(
-    robot: Robot, capabilities: Iterable[Capability], prefix: str
+    robot: Robot,
+    capabilities: Iterable[Capability],
+    prefix: str,
+    gone: Mapping[str, str] | None = None,
 ) -> tuple[str, dict[str, Any]]:
-    """(topic, configuration) of the whole device."""
+    """(topic, configuration) of the whole device.
+
+    `gone` are parts (name and platform) that were announced before: naming them without settings
+    takes them away again.
+    """
     shown = list(capabilities)
     unique = f"sweeper_{robot.robot_id}"
     base = f"{BASE}/{robot.robot_id}"
@@ -27,11 +32,22 @@ def discovery(
             "p": "vacuum",
             "name": None,
             "unique_id": f"{unique}_vacuum",
-            "schema": "state",
             "supported_features": [*features, "status", "send_command"],
             "command_topic": f"{base}/command",
-            "send_command_topic": f"{base}/command",
+            "send_command_topic": f"{base}/send_command",
             "state_topic": f"{base}/vacuum",
+        }
+        if any(capability.name == "rooms" for capability in shown):
+            parts["vacuum"]["clean_segments_command_topic"] = f"{base}/segments"
+        parts["answer"] = {
+            "p": "sensor",
+            "name": "Last answer",
+            "icon": "mdi:message-reply-text",
+            "entity_category": "diagnostic",
+            "unique_id": f"{unique}_answer",
+            "state_topic": f"{base}/answer",
+            "value_template": "{{ value_json.reason[:250] }}",
+            "json_attributes_topic": f"{base}/answer",
         }
     for capability in shown:
         button = capability.button
@@ -64,18 +80,6 @@ def discovery(
         "o": {"name": "sweeper", "sw": __version__},
         "availability_topic": f"{base}/available",
         "qos": 1,
-        "cmps": parts,
+        "cmps": {**{name: {"p": part} for name, part in (gone or {}).items()}, **parts},
     }
     return f"{prefix}/device/{unique}/config", config
-
-
-def payload_verbs(capabilities: Iterable[Capability]) -> dict[str, str]:
-    """Which request a command's payload stands for."""
-    verbs: dict[str, str] = {}
-    for capability in capabilities:
-        if capability.button:
-            verbs[capability.name] = capability.name
-            feature = capability.button.vacuum
-            if feature:
-                verbs[VACUUM_PAYLOADS.get(feature, feature)] = capability.name
-    return verbs

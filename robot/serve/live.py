@@ -10,13 +10,14 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from robot.body import stream
 from robot.serve.capability import Robot
+from robot.serve.driver import MAX_LAG, Driver, read_wish
 from robot.serve.world import Mailbox
 
 MAX_SOCKETS = 128
 MIN_PERIOD_S = 0.1  # no reader is told more often
 SEND_S = 15.0  # a reader that takes nothing for so long is hung up on
-MAX_WISHES_PER_S = 20
-PLAIN = ("hello", "status", "pose", "landmarks", "map")
+MAX_WISHES_PER_S = 30
+PLAIN = ("hello", "status", "pose", "landmarks", "map", "drawn")
 
 
 class Live:
@@ -24,6 +25,7 @@ class Live:
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
+        self._driver = Driver(robot.runtime)
         self.count = 0
 
     async def __call__(self, socket: WebSocket) -> None:
@@ -35,7 +37,7 @@ class Live:
         box = self._robot.world.subscribe()
         try:
             await socket.accept()
-            reader = _Reader(socket, box, self._robot)
+            reader = _Reader(socket, box, self._robot, self._driver)
             tasks = {asyncio.create_task(reader.tell()), asyncio.create_task(reader.listen())}
             try:
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -52,6 +54,7 @@ class Live:
         except GONE:
             pass
         finally:
+            self._driver.release(box)
             self._robot.world.unsubscribe(box)
             self.count -= 1
 
@@ -62,8 +65,8 @@ GONE = (WebSocketDisconnect, RuntimeError, OSError, TimeoutError)
 class _Reader:
     """One browser."""
 
-    def __init__(self, socket: WebSocket, box: Mailbox, robot: Robot) -> None:
-        self._socket, self._box, self._robot = socket, box, robot
+    def __init__(self, socket: WebSocket, box: Mailbox, robot: Robot, driver: Driver) -> None:
+        self._socket, self._box, self._robot, self._driver = socket, box, robot, driver
         self._wants_landmarks = False
         self._track = (-1, 0)
 
@@ -105,11 +108,29 @@ class _Reader:
                 return
             if wishes > MAX_WISHES_PER_S:
                 return
+            if "drive" in wish:
+                await self._drive(wish)
             self._robot.runtime.look(eyes)
             if isinstance(landmarks, bool):
                 self._wants_landmarks = landmarks
                 self._box.kinds.add("landmarks")
                 self._box.bell.set()
+
+    async def _drive(self, wish: dict[str, Any]) -> None:
+        """A wish by hand: `n` counts the page's wishes, `seen` the answers that have reached it."""
+        drive, number, seen = read_wish(wish["drive"]), wish.get("n"), wish.get("seen")
+        why_not = ""
+        if not isinstance(number, int) or not isinstance(seen, int):
+            number, seen, drive = 0, 0, None
+        if drive is None or not self._robot.world.has("manual"):
+            self._driver.release(self._box)
+        elif number - seen > MAX_LAG:
+            self._driver.release(self._box)
+            why_not = "the line to the robot lags; it stands until the line is quick again"
+        else:
+            why_not = self._driver.drive(self._box, drive)
+        answer = {"type": "drove", "n": number, "refused": why_not}
+        await self._socket.send_text(json.dumps(answer))
 
     async def _words(self, kinds: set[str]) -> None:
         world = self._robot.world
@@ -119,6 +140,7 @@ class _Reader:
             "pose": world.pose,
             "landmarks": {"type": "landmarks", "points": world.landmarks},
             "map": {"type": "map", "resolution_m": world.resolution_m},
+            "drawn": {"type": "drawn", **world.drawn} if world.drawn else None,
         }
         if not self._wants_landmarks:
             kinds.discard("landmarks")

@@ -131,6 +131,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
     from robot.serve.app import make_app, shown
     from robot.serve.capability import Robot
     from robot.serve.gate import LOOPBACK, Rules
+    from robot.serve.ledger import Ledger
     from robot.serve.runs import Runs
     from robot.serve.runtime import Runtime
     from robot.serve.world import World
@@ -161,7 +162,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
         any_address=everywhere,
         off=off,
     )
-    services = [runtime.watch]
+    services = [runtime.watch, Ledger(runtime).run]
     if options.mqtt_host:
         from robot.serve.mqtt import MqttBridge
 

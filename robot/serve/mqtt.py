@@ -1,7 +1,7 @@
 """MQTT with Home Assistant's discovery: one device, its parts derived from the capabilities.
 
 Topics below `sweeper/<id>`: `state` and `vacuum` (JSON), `map` (PNG), `available`, all retained;
-`command` comes in.
+`answer` (JSON), not retained; `command`, `send_command` and `segments` come in.
 The network runs in paho's thread; the robot is spoken to in the event loop's.
 """
 
@@ -17,8 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigError, MissingExtraError
-from robot.serve.capability import Capability, Robot
-from robot.serve.discovery import BASE, discovery, payload_verbs
+from robot.serve import orders
+from robot.serve.capability import ACTIVE, Capability, Robot
+from robot.serve.discovery import BASE, discovery
+from robot.serve.fields import BadBody
+from robot.serve.ledger import left_pct
 from robot.serve.picture import map_png
 from robot.serve.runtime import Unreachable
 
@@ -26,11 +29,14 @@ if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
 
 MAX_QUEUED = 64
-MAX_COMMAND_BYTES = 256
+MAX_COMMAND_BYTES = 4096
+INCOMING = ("command", "send_command", "segments")
 MAX_FLEET = 1000
 STATE_EVERY_S = 5.0  # at least; a change is told at once
 MAP_EVERY_S = 5.0  # at most
 COMMANDS_PER_S = 10
+
+TROUBLES = ("error", "lifted", "unreachable")
 
 log = logging.getLogger("sweeper.mqtt")
 
@@ -68,6 +74,7 @@ class MqttBridge:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._client = self._make_client()
         self._parts: tuple[str, ...] = ()
+        self._announced: dict[str, str] = {}  # every part that ever was, and its platform
         self._tokens, self._refilled_s = float(COMMANDS_PER_S), time.monotonic()
 
     async def run(self) -> None:
@@ -86,7 +93,7 @@ class MqttBridge:
                     box.kinds.add("status")
                 box.bell.clear()
                 self._announce()
-                if box.kinds & {"status", "hello"}:
+                if box.kinds & {"status", "hello", "drawn"}:
                     self._state()
                 box.kinds.clear()
                 box.tiles.clear()
@@ -110,7 +117,9 @@ class MqttBridge:
         if parts == self._parts or not self._client.is_connected():
             return
         self._parts = parts
-        topic, config = discovery(self._robot, shown, self._broker.discovery_prefix)
+        prefix = self._broker.discovery_prefix
+        topic, config = discovery(self._robot, shown, prefix, self._announced)
+        self._announced |= {name: part["p"] for name, part in config["cmps"].items()}
         self._client.publish(topic, json.dumps(config), qos=1, retain=True)
 
     def _state(self) -> None:
@@ -120,7 +129,11 @@ class MqttBridge:
         )  # fmt: skip
         state = {key: world.status.get(key) for key in keep}
         state["name"] = self._robot.name
-        vacuum = {"state": vacuum_state(state["state"], bool(state["charging"]))}
+        state["error"] = state["reason"] if state["state"] in TROUBLES else "none"
+        state["left_pct"] = left_pct(world.drawn)
+        vacuum: dict[str, Any] = {"state": vacuum_state(state["state"], bool(state["charging"]))}
+        if rooms := world.drawn.get("rooms"):
+            vacuum["segments"] = {room["name"]: room["name"] for room in rooms}
         self._publish("state", json.dumps(state).encode())
         self._publish("vacuum", json.dumps(vacuum).encode())
         self._publish("available", b"online" if self._available() else b"offline")
@@ -133,8 +146,8 @@ class MqttBridge:
         picture = (dict(world.tiles), list(world.track), world.resolution_m)
         self._publish("map", await asyncio.to_thread(map_png, *picture))
 
-    def _publish(self, leaf: str, payload: bytes) -> None:
-        self._client.publish(f"{self._base}/{leaf}", payload, qos=1, retain=True)
+    def _publish(self, leaf: str, payload: bytes, *, retain: bool = True) -> None:
+        self._client.publish(f"{self._base}/{leaf}", payload, qos=1, retain=retain)
 
     # ------------------------------------------------------------------ in
 
@@ -142,9 +155,9 @@ class MqttBridge:
         if code.is_failure:
             log.warning("the broker refuses: %s", code)
             return
-        client.subscribe(f"{self._base}/command", qos=1)
+        client.subscribe([(f"{self._base}/{leaf}", 1) for leaf in INCOMING])
         if self._fleet is not None:
-            client.subscribe(f"{BASE}/+/state", qos=0)
+            client.subscribe([(f"{BASE}/+/state", 0), (f"{BASE}/+/available", 0)])
         self._parts = ()  # announce again
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._ring)
@@ -155,43 +168,56 @@ class MqttBridge:
 
     def _on_message(self, client: Client, userdata: Any, message: MQTTMessage) -> None:
         """In paho's thread. Never raises."""
-        if message.topic.endswith("/state"):
-            self._hear(message.topic.split("/")[-2], message.payload)
+        _, robot_id, leaf = message.topic.split("/")
+        if leaf in ("state", "available"):
+            self._hear(robot_id, leaf, message.payload)
         elif message.retain:
             log.warning("a retained command is ignored: it may be from long ago")
         elif len(message.payload) <= MAX_COMMAND_BYTES and self._loop is not None:
             text = message.payload.decode("utf-8", "replace")
-            asyncio.run_coroutine_threadsafe(self._obey(text), self._loop)
+            asyncio.run_coroutine_threadsafe(self._obey(leaf, text), self._loop)
 
-    def _hear(self, robot_id: str, payload: bytes | bytearray) -> None:
+    def _hear(self, robot_id: str, leaf: str, payload: bytes | bytearray) -> None:
         if self._fleet is None or (robot_id not in self._fleet and len(self._fleet) >= MAX_FLEET):
+            return
+        known = self._fleet.get(robot_id, {})
+        if leaf == "available":
+            self._fleet[robot_id] = {**known, "online": payload == b"online"}
             return
         try:
             said = json.loads(payload[:4096])
-            self._fleet[robot_id] = {
+            self._fleet[robot_id] = known | {
                 key: said.get(key) for key in ("name", "state", "reason", "battery_pct")
             }
         except (ValueError, AttributeError, RecursionError):
             return
 
-    async def _obey(self, text: str) -> None:
+    async def _obey(self, leaf: str, text: str) -> None:
         now_s = time.monotonic()
         self._tokens = min(
             COMMANDS_PER_S, self._tokens + (now_s - self._refilled_s) * COMMANDS_PER_S
         )
         self._refilled_s = now_s
-        verb = payload_verbs(self._shown(self._robot)).get(text.strip())
-        # Home Assistant has one button for both.
-        if verb == "start" and self._robot.world.status.get("state") == "paused":
-            verb = "resume"
-        if verb is None or self._tokens < 1.0 or not self._allowed():
+        if self._tokens < 1.0 or not self._allowed():
             log.warning("a command is ignored: %.40r", text)
             return
         self._tokens -= 1.0
         try:
-            await self._robot.runtime.request(verb)
-        except Unreachable as error:
-            log.warning("%s", error)
+            order = self._understand(leaf, text)
+            answer = await self._robot.runtime.request(order.verb, order.args)
+            told = {"command": order.verb, **{k: answer[k] for k in ("accepted", "reason")}}
+        except (BadBody, Unreachable) as error:
+            told = {"command": text[:40], "accepted": False, "reason": str(error)}
+        self._publish("answer", json.dumps(told).encode(), retain=False)
+
+    def _understand(self, leaf: str, text: str) -> orders.Order:
+        """Raises BadBody."""
+        shown = self._shown(self._robot)
+        if leaf == "segments":
+            return orders.segments(text, shown)
+        if leaf == "send_command":
+            return orders.command(text, shown)
+        return orders.press(text, shown, self._robot.world.status.get("state"))
 
     # ------------------------------------------------------------------ parts
 
@@ -225,12 +251,12 @@ class MqttBridge:
 
 def vacuum_state(state: Any, charging: bool) -> str:
     """Home Assistant's word for the mission's state."""
-    if state in ("undock", "look", "clean", "recover", "starting", "spot", "travel"):
-        return "cleaning"
-    if state in ("return", "dock"):
+    if state in ("return", "dock", "retrace"):
         return "returning"
+    if state in ACTIVE:
+        return "cleaning"
     if state == "paused":
         return "paused"
-    if state in ("error", "unreachable"):
+    if state in TROUBLES:
         return "error"
     return "docked" if charging or state in ("docked", "done") else "idle"

@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from robot import __version__
-from robot.serve.capability import PREFIX, Capability, Operation, Schema
+from robot.serve.capability import ACCEPTED, PREFIX, Capability, Operation, Schema
 
 ERROR: Schema = {
     "type": "object",
@@ -58,10 +58,10 @@ def _operation(capability: Capability, operation: Operation) -> dict[str, Any]:
         "200": {"description": "Done.", "content": {operation.media: {"schema": schema}}}
     }
     for status in sorted({*ALWAYS, *operation.refusals}):
-        wanted = operation.answer if status == 409 else ERROR
-        content = {"application/json": {"schema": wanted or ERROR}}
+        wanted = ACCEPTED if status == 409 else ERROR
+        content = {"application/json": {"schema": wanted}}
         answers[str(status)] = {"description": REFUSALS[status], "content": content}
-    return {
+    described: dict[str, Any] = {
         "operationId": f"{operation.method.lower()}_{capability.name}_{_slug(operation.path)}",
         "tags": [capability.name],
         "summary": operation.summary,
@@ -78,6 +78,11 @@ def _operation(capability: Capability, operation: Operation) -> dict[str, Any]:
         ],
         "responses": answers,
     }
+    if operation.body is not None:
+        content = {"application/json": {"schema": operation.body}}
+        needed = bool(operation.body["required"])
+        described["requestBody"] = {"required": needed, "content": content}
+    return described
 
 
 def _slug(path: str) -> str:
@@ -99,10 +104,22 @@ def docs_page(capabilities: Iterable[Capability], name: str) -> str:
     )
 
 
+def _needs(operation: Operation) -> str:
+    """What the body holds, in words."""
+    if operation.body is None:
+        return ""
+    required = operation.body["required"]
+    names = [
+        f"<code>{escape(name)}</code>{'' if name in required else ' (optional)'}"
+        for name in operation.body["properties"]
+    ]
+    return f"<br>Body: {', '.join(names)}"
+
+
 def _section(capability: Capability) -> str:
     rows = "".join(
         f"<li><code>{operation.method} {PREFIX}{escape(operation.path)}</code> "
-        f"{escape(operation.summary)}</li>"
+        f"{escape(operation.summary)}{_needs(operation)}</li>"
         for operation in capability.operations
     )
     return (

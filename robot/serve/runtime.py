@@ -11,8 +11,18 @@ from typing import Any
 from robot.body.stream import EYES, StreamError, Unframer
 from robot.serve.world import World
 
-ANSWER_S = 2.0
+ANSWER_S = 5.0
+ROOMS_S = 12.5  # the robot's worker may have to find its rooms first
+MAX_LINE_BYTES = 4000  # what the robot reads at once
 CHECK_S = 8.0
+PICTURE_S = 2.0
+MAX_ANSWER_BYTES = 1 << 20
+EDITS = frozenset(
+    {
+        "room split", "room join", "room name", "no-go add", "no-go remove", "wall add",
+        "wall remove", "map undo", "map snapshot", "map restore", "consumables reset",
+    }
+)  # fmt: skip
 RETRY_S = (0.2, 0.5, 1.0, 2.0)
 
 
@@ -28,11 +38,15 @@ class Runtime:
         self._writer: asyncio.StreamWriter | None = None
 
     async def request(self, verb: str, args: list[str] | None = None) -> dict[str, Any]:
-        """Hand one request over. Raises Unreachable."""
+        """Hand one request over: accepted, reason, and data for programs. Raises Unreachable."""
         line = json.dumps({"verb": verb, "args": args or []}).encode() + b"\n"
+        if len(line) > MAX_LINE_BYTES:
+            return {"accepted": False, "reason": "that is too long; send less at once", "data": {}}
         try:
-            async with asyncio.timeout(ANSWER_S):
-                reader, writer = await asyncio.open_unix_connection(str(self._path))
+            async with asyncio.timeout(ROOMS_S if "room" in verb else ANSWER_S):
+                reader, writer = await asyncio.open_unix_connection(
+                    str(self._path), limit=MAX_ANSWER_BYTES
+                )
                 try:
                     writer.write(line)
                     answer = json.loads(await reader.readline() or b"{}")
@@ -42,8 +56,14 @@ class Runtime:
                         await writer.wait_closed()
         except (OSError, ValueError) as error:  # TimeoutError is an OSError
             raise Unreachable(f"the robot's runtime does not answer ({_why(error)})") from None
-        accepted = answer.get("accepted") is True
-        return {"accepted": accepted, "reason": str(answer.get("reason", ""))}
+        accepted, data = answer.get("accepted") is True, answer.get("data")
+        if accepted and verb in EDITS:
+            self.world.edited()
+        return {
+            "accepted": accepted,
+            "reason": str(answer.get("reason", "")),
+            "data": data if isinstance(data, dict) else {},
+        }
 
     async def watch(self) -> None:
         """Fill the world for ever, through every restart of the runtime."""
@@ -89,7 +109,7 @@ class Runtime:
         try:
             box.kinds.clear()
             self.look([eye])
-            async with asyncio.timeout(ANSWER_S):
+            async with asyncio.timeout(PICTURE_S):
                 while f"image-{eye}" not in box.kinds:
                     box.bell.clear()
                     await box.bell.wait()

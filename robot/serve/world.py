@@ -17,6 +17,7 @@ from robot.body.stream import Place
 
 MAX_TILES = 20_000  # 3 km^2 at 2.5 cm would be a mistake
 MAX_TRACK = 100_000
+FIRST = ("hello", "status", "pose", "track", "landmarks", "map", "drawn")
 LOST = {
     "type": "status",
     "state": "unreachable",
@@ -48,6 +49,7 @@ class World:
         self.track_number = 0
         self.images: dict[str, bytes] = {}
         self.checks: list[dict[str, str]] = []
+        self.drawn: dict[str, Any] = {}  # rooms, annotations, snapshots, parts: `ledger` fills it
         self.map_version = 0
         self._packed: dict[frozenset[Place], bytes] = {}
         self._mailboxes: set[Mailbox] = set()
@@ -56,7 +58,9 @@ class World:
 
     def subscribe(self) -> Mailbox:
         """A mailbox in which everything is new."""
-        box = Mailbox({"hello", "status", "pose", "track", "landmarks", "map"}, set(self.tiles))
+        box = Mailbox(
+            {"hello", "status", "pose", "track", "landmarks", "map", "drawn"}, set(self.tiles)
+        )
         box.bell.set()
         self._mailboxes.add(box)
         return box
@@ -96,6 +100,16 @@ class World:
         self.status = {**LOST, "t_s": self.status.get("t_s", 0.0)}
         self.images.clear()
         self._tell("status", "hello")
+
+    def edited(self) -> None:
+        """Somebody has changed what is drawn on the map; it is to be asked for again."""
+        self._tell("edited")
+
+    def draw(self, drawn: dict[str, Any]) -> None:
+        """What is drawn on the map, and how worn the parts are."""
+        if drawn != self.drawn:
+            self.drawn = drawn
+            self._tell("drawn")
 
     def has(self, verb: str) -> bool:
         """Whether the robot knows this request."""

@@ -22,6 +22,7 @@ from robot.slam.relocalise import Glimpse, Relocaliser
 FAMILIAR_NS = 10_000_000_000  # a landmark known for so long was not born of an error just made
 _FAMILIAR_COUNT = 3
 _DOUBT_NS = 1_500_000_000  # without a familiar landmark for so long, the pose is checked
+_SUSPECT_NS = 1_000_000_000  # and for so long, it is not believed against other evidence
 _QUARANTINE_NS = 30_000_000_000
 _DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 2_500_000_000
 _APART_M, _APART_RAD = 0.4, 0.35  # drift stays below: found farther away, the robot was carried
@@ -52,6 +53,12 @@ class SelfFinder:
         self.lost = True
         self._drop_new()
         self._relocaliser = Relocaliser()
+
+    def suspect(self, t_ns: int) -> None:
+        """What stands around is not what the map says: without familiar landmarks, be lost."""
+        if not self.lost and self._sure_ns is not None and t_ns - self._sure_ns > _SUSPECT_NS:
+            self.lost = True
+            self._drop_new()
 
     def found(self, t_ns: int) -> None:
         """The robot knows where it is."""

@@ -111,7 +111,16 @@ class Slam:
 
     def lift(self) -> None:
         """The robot hangs in the air: wherever it is put down, its pose is unknown."""
-        self._finder.lose()
+        if not self._finder.lost:
+            self._finder.lose()
+            self._map.move_on(self._mark.t_ns if self._mark else 0)
+
+    def suspect(self, t_ns: int) -> None:
+        """What stands around is not what the map says; believed where landmarks are silent."""
+        before = self._finder.lost
+        self._finder.suspect(t_ns)
+        if self._finder.lost and not before:
+            self._map.move_on(self._finder.placed_ns)
 
     def memory(self) -> SlamMemory:
         """All that another run can begin with."""
@@ -121,7 +130,6 @@ class Slam:
         """Lost: no correction by landmarks until places tell the pose for certain."""
         pose = self._finder.search(seen)
         if pose is not None:
-            self._map.move_on(self._finder.placed_ns)
             self.put(pose, FOUND_COV)
 
     def _start(self, t_ns: int) -> None:
@@ -169,6 +177,8 @@ class Slam:
             familiar = self._map.familiar(seen.t_ns, FAMILIAR_NS)
             pose = SE2(*self._ekf.x[:3].tolist())
             self._finder.judge(seen, familiar, pose, self._ekf.head()[:3, :3])
+            if self._finder.lost:
+                self._map.move_on(self._finder.placed_ns)
 
     def _remember(self) -> None:
         assert self._mark is not None

@@ -37,8 +37,20 @@ STEP_NS = 250_000
 
 def test_fits_the_board(emulated_board: Emulated) -> None:
     size = image_size(emulated_board[1])
+    with emulated_rig(emulated_board) as rig:
+        rig.arm()
+        for _ in range(10):  # everything at once: orders, garbage, edges, telemetry, a stop
+            rig.drive(500, -500, 100)
+            rig.write(random.Random(1).randbytes(300) + b"\0")
+            rig.step(20, bump_left=True)
+            rig.step(20, bump_left=False)
+            rig.send(Clear(rig.latch[1]))
+            rig.step(20)
+        stack = rig.firmware.stack_bytes()  # type: ignore[attr-defined]
+    print(f"flash {size.flash}, RAM {size.ram} and {stack} of stack")
     assert size.flash <= 28 * 1024
-    assert size.ram <= 1536
+    assert stack > 30
+    assert size.ram + stack <= 1536
 
 
 def test_without_the_compiler_says_what_to_install(

@@ -11,7 +11,7 @@ FULL = pytest.param(10**7, marks=[pytest.mark.long, pytest.mark.timeout(3600)])
 CLEAN = {"expired", "link_lost"}
 
 
-@pytest.mark.parametrize("total", [300_000, FULL])
+@pytest.mark.parametrize("total", [150_000, FULL])
 @pytest.mark.parametrize("share", [0.001, 0.01])
 def test_up_to_one_percent_stops_nothing(firmware_binary: Path, share: float, total: int) -> None:
     report = noise_trials.at_share(firmware_binary, share, total)

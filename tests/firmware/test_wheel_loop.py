@@ -22,12 +22,19 @@ def speeds(rig: Rig, target_mm_s: int, ms: int) -> list[float]:
     return course
 
 
+def settled_ms(course: list[float], target: float) -> int:
+    """When the speed comes within 3 % of the target for good."""
+    outside = [k for k, v in enumerate(course) if abs(v - target) > 0.03 * abs(target)]
+    return 5 * (outside[-1] + 1)
+
+
 @pytest.mark.parametrize("target", [0.2, -0.2])
 @pytest.mark.parametrize("lag_s", [0.05, 0.08])
 def test_settles_in_0_4_s_within_3_percent(armed: Rig, target: float, lag_s: float) -> None:
     armed.lag_s = lag_s
-    course = speeds(armed, round(target * 1000), 1500)
-    assert all(abs(v - target) <= 0.03 * abs(target) for v in course[80:])
+    at_ms = settled_ms(speeds(armed, round(target * 1000), 1500), target)
+    print(f"lag {lag_s} s: settled after {at_ms} ms")
+    assert at_ms <= 400
 
 
 @pytest.mark.parametrize("full_speed_mps", [0.3, 0.6, 1.2, 2.0])
@@ -37,8 +44,7 @@ def test_settles_as_well_with_other_motors(armed: Rig, full_speed_mps: float, la
     armed.lag_s = lag_s
     armed.gains = [full_speed_mps / 0.6] * 2
     assert armed.ask(Tune(round(full_speed_mps * 1000))) == Result.OK
-    course = speeds(armed, 200, 1500)
-    assert all(abs(v - 0.2) <= 0.03 * 0.2 for v in course[80:])
+    assert settled_ms(speeds(armed, 200, 1500), 0.2) <= 400
 
 
 def test_speed_never_runs_ahead_of_the_slew_limit(armed: Rig) -> None:
@@ -51,10 +57,13 @@ def test_mismatched_motors_drive_straight(armed: Rig) -> None:
     armed.gains = [0.8, 1.2]
     armed.drive(200, 200, 500)
     start = list(armed.travel_m)
-    armed.drive(200, 200, 3000)
+    armed.drive(200, 200, 5000)
     left, right = (end - begin for begin, end in zip(start, armed.travel_m, strict=True))
-    assert abs(left - right) <= 0.01 * left
-    assert left == pytest.approx(0.6, rel=0.01)
+    whole = abs(armed.travel_m[0] - armed.travel_m[1]) / armed.travel_m[0]
+    print(f"drift {100 * abs(left - right) / left:.2f} %, with the start {100 * whole:.2f} %")
+    assert abs(left - right) <= 0.002 * left
+    assert whole <= 0.01  # what the start costs, over a metre
+    assert left == pytest.approx(1.0, rel=0.01)
 
 
 def test_does_not_wind_up_beyond_full_power(armed: Rig) -> None:

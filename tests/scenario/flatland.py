@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from flat_boxes import CELL_M, Flat
 from robot.config import Config
 from robot.geometry.se2 import SE2, exp
 from robot.messages import (
+    Answer,
     Battery,
     ClearOrder,
     Command,
@@ -74,6 +76,7 @@ class Flatland:
         self.drives: list[DriveCommand] = []
         self.brushing: list[bool] = []
         self.orders: list[Command] = []
+        self.answers: list[Answer] = []
         self._rng = np.random.default_rng(seed)
         self._requests, self._at = deque(requests), deque(at)
         self._end_ns = int(duration_s * NS)
@@ -99,7 +102,8 @@ class Flatland:
             yaw_rad = self._move(now_ns)
             yield from self._sensors(now_ns, yaw_rad)
             while self._requests and self._requests[0][0] * NS <= now_ns:
-                yield Request(now_ns, self._requests.popleft()[1])
+                verb, *args = self._requests.popleft()[1].split()
+                yield Request(now_ns, verb, tuple(args))
             if now_ns % (NS // 10) == 0:
                 self.track.append(self.pose)
                 self.brushing.append(self._order is not None and self._order.brush > 0)
@@ -118,15 +122,15 @@ class Flatland:
         elif isinstance(command, PlanOrder):
             answer = make_answer(command, self.config.planning, self.config.robot)
             at_ns = command.t_ns + NS * 3 // 10
-            self._plans.append(
-                Planned(at_ns, answer.order_id, answer.path, answer.remaining_m2, answer.reason)
-            )
+            self._plans.append(replace(answer, t_ns=at_ns))
         elif isinstance(command, StopOrder):
             self._stop, self._told_link = "host", -NS
             self.orders.append(command)
         elif isinstance(command, ClearOrder):
             self._stop, self._told_link = "", -NS
             self.orders.append(command)
+        elif isinstance(command, Answer):
+            self.answers.append(command)
         elif isinstance(command, MissionState):
             self.states.append(command)
             if command.state in ("done", "error"):

@@ -163,9 +163,13 @@ def test_a_robot_that_stays_blind_says_so():
     def blind(body):
         body.sees = False
 
-    config = Config(mission=MissionConfig(denied_give_up_s=5.0))
+    config = Config(mission=MissionConfig(blind_limit_s=9.0))
     body, _ = live(one_room(), seed=1, config=config, duration_s=40, at=[(15.0, blind)])
-    assert body.phases[-1] == "error" and "nothing has been seen" in body.states[-1].reason
+    assert body.phases[-2:] == ["wheel-only", "error"], reasons(body)
+    assert "nothing is seen" in body.states[-1].reason
+    blind_drives = [d for d in body.drives if d.t_ns * 1e-9 > 18.0]
+    assert max(abs(d.v_mps) for d in blind_drives) <= ControlConfig().wheel_only_mps
+    assert all(d.brush == 0.0 for d in blind_drives)
 
 
 def test_without_its_marker_docking_is_tried_and_given_up_with_a_reason():
@@ -183,9 +187,17 @@ def test_a_low_battery_brings_the_robot_home():
     def drain(body):
         body.battery_pct = 15.0
 
-    body, _ = live(one_room(), seed=2, duration_s=120, at=[(25.0, drain)])
+    def charge(body):
+        body.battery_pct = 85.0
+
+    config = Config(mission=MissionConfig(max_duration_s=30.0))
+    at = [(25.0, drain), (60.0, charge)]
+    body, _ = live(one_room(), seed=2, config=config, duration_s=160, at=at)
     assert "the battery is down to 15 %" in reasons(body)
-    assert body.docked and body.phases[-1] == "done"
+    assert body.phases[-6:] == ["charge", "undock", "look", "clean", "return", "dock"] or (
+        body.phases[-1] == "done" and "charge" in body.phases
+    ), reasons(body)
+    assert body.docked and "charged to 85 %, going on with the whole home" in reasons(body)
 
 
 def test_time_is_bounded():

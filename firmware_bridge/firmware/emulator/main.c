@@ -4,9 +4,9 @@
  * Bytes take their time on the line, encoder edges are spread evenly over a step, and the pins and
  * ADC channels are those of src/board/atmega328p/pins.h.
  *
- * Three values of dt_us are orders of their own: HANG leads the program into an endless loop (as a
+ * Four values of dt_us are orders of their own: HANG leads the program into an endless loop (as a
  * fault would), POWER_CYCLE resets the controller (its EEPROM stays), BLIND ends the interrupts of
- * the ADC.
+ * the ADC, STACK answers in the place of bytes_sent how deep the stack has been.
  *
  * Usage: emulated-board IMAGE.elf [ADDRESS FILE]
  * With an address, FILE gets the cycle number of every pass of the program through it.
@@ -15,6 +15,7 @@
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 #include <simavr/avr_adc.h>
@@ -34,6 +35,9 @@
 #define HANG UINT32_MAX
 #define POWER_CYCLE (UINT32_MAX - 1u)
 #define BLIND (UINT32_MAX - 2u)
+#define STACK (UINT32_MAX - 3u)
+#define PAINT 0xA5u /* on RAM that nobody has written to */
+#define RAM_START 0x100u
 
 #define QUEUE 65536u
 
@@ -295,6 +299,20 @@ static bool hang(void)
     return false;
 }
 
+/* From the end of RAM down to the longest stretch that still has its paint. */
+static uint32_t stack_used(void)
+{
+    uint32_t best = 0, end = RAM_START, run = 0;
+    for (uint32_t at = RAM_START; at <= avr->ramend; at++) {
+        run = (avr->data[at] == PAINT) ? run + 1u : 0u;
+        if (run > best) {
+            best = run;
+            end = at + 1u;
+        }
+    }
+    return (uint32_t)avr->ramend + 1u - end;
+}
+
 static bool step(const uint8_t *record)
 {
     uint32_t dt_us = (uint32_t)little(&record[0], 4);
@@ -306,6 +324,9 @@ static bool step(const uint8_t *record)
     }
     if (dt_us == POWER_CYCLE) {
         avr_reset(avr);
+        return true;
+    }
+    if (dt_us == STACK) {
         return true;
     }
     if (dt_us == BLIND) {
@@ -351,6 +372,7 @@ static bool start(int argc, char **argv)
     avr->frequency = FREQUENCY;
     avr->vcc = avr->avcc = avr->aref = FULL_MV;
     avr_load_firmware(avr, &image);
+    memset(&avr->data[RAM_START], PAINT, (size_t)avr->ramend + 1u - RAM_START);
     avr->sleep = sleep_on;
     if (argc > 3) {
         trace_address = (uint32_t)strtoul(argv[2], NULL, 0);
@@ -381,7 +403,7 @@ int main(int argc, char **argv)
         put(&answer[2], (uint16_t)wheel_pwm(RIGHT_PWM, RIGHT_DIR, OCR1B), 2);
         answer[4] = duty_pct(BRUSH_PWM, OCR0A);
         answer[5] = duty_pct(FAN_PWM, OCR0B);
-        put(&answer[6], given, 8);
+        put(&answer[6], (little(record, 4) == STACK) ? stack_used() : given, 8);
         if (!write_all(answer, sizeof answer)) {
             return EXIT_FAILURE;
         }

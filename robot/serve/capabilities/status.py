@@ -62,7 +62,7 @@ CAPABILITY = Capability(
                 "name": "Reason",
                 "icon": "mdi:text",
                 "entity_category": "diagnostic",
-                "value_template": "{{ value_json.reason }}",
+                "value_template": "{{ value_json.reason[:250] }}",
             },
         ),
         "problem": Sensor(
@@ -70,7 +70,16 @@ CAPABILITY = Capability(
             {
                 "name": "Problem",
                 "device_class": "problem",
-                "value_template": "{{ 'ON' if value_json.state == 'error' else 'OFF' }}",
+                "value_template": "{{ 'OFF' if value_json.error == 'none' else 'ON' }}",
+            },
+        ),
+        "error": Sensor(
+            "sensor",
+            {
+                "name": "Error",
+                "icon": "mdi:alert-circle-outline",
+                "entity_category": "diagnostic",
+                "value_template": "{{ value_json.error[:250] }}",
             },
         ),
         "covered": Sensor(

@@ -114,9 +114,18 @@ def test_the_gyro_hints_how_far_the_view_turned():
     assert later and np.median(later) == pytest.approx(0.03, abs=0.03)
 
 
+def test_eyes_that_fail_blind_the_robot_and_are_named():
+    body, _ = live(frames(0, 1), Eyes(fail_at=1), duration_s=1.0)
+    seen = [event for event in body.events() if isinstance(event, Seen)]
+    assert [event.seq for event in seen] == [0]
+    assert any("perception" in told and "blind" in told for told in body.problems())
+    body.close()
+
+
 def test_a_worker_that_fails_ends_the_life_with_its_error():
-    body, _ = live(frames(0, 1, 2), Eyes(fail_at=1), duration_s=5.0)
-    with pytest.raises(RuntimeError, match="blind"):
+    body, _ = live(frames(0), duration_s=5.0)
+    body._orders.put("no order at all")  # stands for a mistake of ours
+    with pytest.raises(AttributeError):
         list(body.events())
     body.close()
 

@@ -13,6 +13,7 @@ from robot.mapping.swept import SweptFloor
 from robot.messages import ClearOrder, Contact, Grid, LinkState, PlanOrder
 from robot.mission.desk import PlanDesk
 from robot.mission.dock_sight import DockSight
+from robot.mission.ladder import RUNGS, WIGGLE_FROM
 from robot.mission.recover import Recover
 from robot.mission.rest import Idle
 from robot.mission.state import Situation
@@ -165,3 +166,55 @@ def test_an_open_question_to_the_planner_is_dropped():
     assert any(isinstance(o, PlanOrder) for o in life.now.orders)
     life.recover("bump")
     assert not life.now.desk.waiting and math.isfinite(life.now.odom.x_m)
+
+
+@pytest.mark.parametrize("kind", ["bump", "stop", "slip", "stuck", "blocked", "enclosed"])
+def test_every_rung_is_left_in_time_although_nothing_moves(kind):
+    for tries in range(CONFIG.mission.recover_tries):
+        life = Life(Contact(0), stop="")
+        life.now.run.troubles, life.now.run.trouble_at_m = tries, life.now.driven_m
+        state, entered = Recover(kind, life.resume), {}
+        life.held = True
+        state.enter(life.now)
+        since_ns, phase = life.now.t_ns, state._phase
+        while life.step is None:
+            life.now.t_ns += TICK_NS
+            step = state.tick(life.now)
+            if state._phase != phase or step.then is not None:
+                entered[phase] = (life.now.t_ns - since_ns) * 1e-9
+                since_ns, phase = life.now.t_ns, state._phase
+            life.step = step if step.then is not None else None
+        for name, took_s in entered.items():
+            assert took_s <= RUNGS[name].limit_s + 0.1, (kind, tries, name)
+        if kind in ("stop", "slip", "stuck"):
+            assert ("wiggle" in entered) == (tries + 1 >= WIGGLE_FROM)
+
+
+def test_a_trouble_ends_after_its_time_and_after_its_way_and_names_the_cause():
+    for spent in ({"trouble_since_ns": -36 * 10**9}, {"trouble_back_m": 1.5}):
+        life = Life(Contact(0, bump_left=True, bump_right=True), stop="bump")
+        life.now.run.troubles, life.now.run.trouble_at_m = 2, life.now.driven_m
+        for name, value in spent.items():
+            setattr(life.now.run, name, value)
+        life.recover("bump")
+        assert life.step.then.name == "error" and "bumper stays pressed" in life.step.reason
+
+
+def test_a_stall_is_named_as_a_wheel():
+    life = Life(Contact(0), stop="stall")
+    life.now.run.troubles, life.now.run.trouble_at_m = 8, life.now.driven_m
+    life.recover("stop")
+    assert "a wheel is blocked" in life.step.reason and "gave up after 8 tries" in life.step.reason
+
+
+def test_backing_off_in_one_trouble_is_bounded_in_metres():
+    life = Life(Contact(0), stop="stall")
+    backed_m = 0.0
+    for _ in range(CONFIG.mission.recover_tries + 1):
+        life.step, before_m = None, life.now.driven_m
+        life.now.run.trouble_at_m, life.now.link = life.now.driven_m, LinkState(0, True, "stall")
+        life.now.run.trouble_since_ns = life.now.t_ns
+        life.recover("stop", max_s=1e6)
+        backed_m += life.now.driven_m - before_m
+    assert life.step.then.name == "error"
+    assert life.now.run.trouble_back_m <= CONFIG.mission.recover_limit_m + 0.02

@@ -1,10 +1,13 @@
 """A stand-in for the runtime: the real socket, outlook and publisher around a scripted robot."""
 
 import math
+import tempfile
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
+from standin_books import StandInBooks
 
 from robot.body.control import ControlSocket
 from robot.body.outlook import Outlook
@@ -23,7 +26,9 @@ from robot.messages import (
 )
 
 NS = 1_000_000_000
-AFTER = {"start": "clean", "pause": "paused", "resume": "clean", "stop": "idle", "dock": "return"}
+AFTER = {"start": "clean", "pause": "paused", "resume": "clean", "stop": "idle", "dock": "return",
+         "spot": "spot", "clean rooms": "room", "clean zones": "zone", "go to": "goto",
+         "manual": "manual"}  # fmt: skip
 
 
 class NoLog:
@@ -43,7 +48,7 @@ class StandIn(threading.Thread):
 
     def __init__(self, path, *, images=True, start=True):
         super().__init__(daemon=True)
-        self.requests, self.tick_s = [], []
+        self.requests, self.asked, self.by_hand = [], [], []
         self.state, self.reason = "docked", "switched on"
         self.cells = np.full((160, 200), -1, np.int8)
         self.swept = np.zeros(self.cells.shape, bool)
@@ -56,6 +61,8 @@ class StandIn(threading.Thread):
         check = [{"code": "disk", "level": "warn", "cause": "12 MB free", "remedy": "delete runs"}]
         self.publisher = Publisher(self.outlook, lambda: self.looked, lambda: check)
         self.control = ControlSocket(path, self.publisher.adopt)
+        self.books = StandInBooks(NoLog(), Path(tempfile.mkdtemp(prefix="sweeper-books-")))
+        self.control.books = self.books.verbs
         self.stopping = threading.Event()
         self._explore()
         if start:
@@ -84,9 +91,7 @@ class StandIn(threading.Thread):
         """One tick, as the loop would live it."""
         outlook = self.outlook
         for request in self.control.poll(t_ns):
-            self.requests.append(request.verb)
-            self.state, self.reason = AFTER[request.verb], f"{request.verb} was requested"
-            outlook.command(self.mission(t_ns))
+            self.obey(request, t_ns)
         if self.state == "clean":
             self.angle += 0.01
             self._explore()
@@ -106,6 +111,17 @@ class StandIn(threading.Thread):
             covs = np.array([[[0.01, 0.0], [0.0, 0.004]]] * 2)
             outlook.command(MapReport(t_ns, *self.view(), landmarks, covs))
         outlook.event(Tick(t_ns))
+
+    def obey(self, request, t_ns):
+        """Note it, and be in the state that follows."""
+        self.asked.append((request.verb, request.args))
+        if request.verb == "manual":
+            self.by_hand.append((time.monotonic(), *map(float, request.args)))
+        else:
+            self.requests.append(request.verb)
+        self.state = AFTER.get(request.verb, self.state)
+        self.reason = f"{request.verb} was requested"
+        self.outlook.command(self.mission(t_ns))
 
     def mission(self, t_ns):
         area = float(self.swept.sum()) * 0.025**2

@@ -13,8 +13,10 @@ from standin import StandIn
 
 from robot.serve.app import shown
 from robot.serve.capability import Robot
-from robot.serve.discovery import discovery, payload_verbs
+from robot.serve.discovery import discovery
+from robot.serve.fields import BadBody
 from robot.serve.mqtt import vacuum_state
+from robot.serve.orders import command, payload_verbs, segments
 from robot.serve.world import World
 
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
@@ -123,10 +125,38 @@ def test_home_assistant_finds_the_robot_and_steers_it(flat):
 @needs_broker
 def test_a_command_from_the_past_and_nonsense_are_ignored(flat):
     _, home, robot, _ = flat
-    for payload in ("fly", "x" * 5000, b"\xff\xfe", "", "locate"):
+    for payload in ("fly", "x" * 5000, b"\xff\xfe", "", "manual"):
         home.client.publish(f"{BASE}/command", payload, qos=1)
     home.client.publish(f"{BASE}/command", "pause", qos=1)
     wait_for(lambda: robot.requests == ["pause"])
+
+
+@needs_broker
+def test_segments_commands_parts_and_answers(flat):
+    _, home, robot, _ = flat
+    home.client.subscribe("homeassistant/#", qos=1)
+    topic = "homeassistant/device/sweeper_t1/config"
+    parts = json.loads(wait_for(lambda: home.seen.get(topic)))["cmps"]
+    vacuum = parts["vacuum"]
+    assert {"clean_spot", "locate", "send_command"} <= set(vacuum["supported_features"])
+    wait_for(
+        lambda: home.state("vacuum").get("segments") == {f"room {n}": f"room {n}" for n in (1, 2)}
+    )
+    home.client.publish(vacuum["clean_segments_command_topic"], '["room 2"]', qos=1)
+    wait_for(lambda: ("clean rooms", ("room 2",)) in robot.asked)
+    sent = {"command": "clean zones", "zones_m": [[0, 0, 1, 1]]}
+    home.client.publish(vacuum["send_command_topic"], json.dumps(sent), qos=1)
+    wait_for(lambda: ("clean zones", ("0.0", "0.0", "1.0", "1.0")) in robot.asked)
+    for payload in ("clean_spot", "locate"):
+        home.client.publish(vacuum["command_topic"], payload, qos=1)
+    wait_for(lambda: robot.requests[-2:] == ["spot", "locate"])
+    home.client.publish(vacuum["send_command_topic"], '{"command": "map restore", "name": "x"}')
+    wait_for(lambda: "no snapshot" in home.state("answer").get("reason", ""))
+    assert home.state("answer")["accepted"] is False
+    wait_for(lambda: home.state().get("left_pct", {}).get("brush") == 100.0)
+    assert parts["brush_left"]["value_template"] == "{{ value_json.left_pct.brush }}"
+    assert parts["battery"]["device_class"] == "battery" and parts["map"]["p"] == "image"
+    assert home.state()["error"] == "none"
 
 
 @needs_broker
@@ -211,6 +241,7 @@ def test_a_broker_with_a_password(tmp_path):
 def test_every_state_has_home_assistants_word():
     words = {"cleaning", "docked", "paused", "idle", "returning", "error"}
     states = "none idle docked starting undock look clean return dock recover paused done error"
+    states += " zone room spot goto lost retrace wheel-only lifted charge manual"
     for state in [*states.split(), "unreachable"]:
         assert vacuum_state(state, False) in words
     assert vacuum_state("idle", True) == "docked" and vacuum_state("idle", False) == "idle"
@@ -228,4 +259,45 @@ def test_discovery_shows_only_what_the_robot_has():
     assert config["cmps"]["resume"]["p"] == "button" and "map" not in config["cmps"]
     assert all(part["unique_id"].startswith("sweeper_r1") for part in config["cmps"].values())
     assert payload_verbs(shown(robot)) == {"start": "start", "resume": "resume"}
+    assert "schema" not in config["cmps"]["vacuum"]
+    assert "clean_segments_command_topic" not in config["cmps"]["vacuum"]
     json.dumps(config)
+
+
+def test_a_part_that_the_robot_has_lost_is_taken_away_again():
+    world = World()
+    world.hello, world.connected = {"verbs": ["start", "resume"]}, True
+    robot = Robot(None, world, type("Runs", (), {"present": False})(), "Robby", "r1")
+    before = discovery(robot, shown(robot), "ha")[1]["cmps"]
+    world.hello = {"verbs": ["start"]}
+    known = {name: part["p"] for name, part in before.items()}
+    after = discovery(robot, shown(robot), "ha", known)[1]["cmps"]
+    assert before["resume"]["command_topic"] and after["resume"] == {"p": "button"}
+    assert after["vacuum"] == before["vacuum"]
+
+
+class KnowsAll:
+    """A world of a robot that has every verb."""
+
+    hello, connected, resolution_m, landmarks = {"eyes": ["left"]}, True, 0.025, [1]
+    has = staticmethod(lambda verb: True)
+
+
+def test_commands_are_read_as_the_description_has_them():
+    robot = Robot(None, KnowsAll(), type("Runs", (), {"present": True})(), "Robby", "r1")
+    have = shown(robot)
+    assert command("locate", have) == ("locate", [])
+    asked = {"command": "go_to", "x_m": 1, "y_m": 2.5}
+    assert command(json.dumps(asked), have) == ("go to", ["1.0", "2.5"])
+    assert command('{"command": "no-go remove", "name": "area 1"}', have).args == ["area 1"]
+    assert segments('["Kitchen", "room 2"]', have) == ("clean rooms", ["Kitchen", "room 2"])
+    bad = (
+        "fly", "", "{}", '{"command": 1}', '{"command": "go to"}', "{" * 4000, "manual",
+        '{"command": "manual", "v_mps": 0.1, "yaw_rate_radps": 0}', '{"command": "locate", "x": 1}',
+    )  # fmt: skip
+    for text in bad:
+        with pytest.raises(BadBody):
+            command(text, have)
+    for text in ("", "[]", "{}", "[1]", '"Kitchen"', "[" * 4000):
+        with pytest.raises(BadBody):
+            segments(text, have)
