@@ -63,6 +63,9 @@ arm: $(VENV)/.dev
 service: $(VENV)/.dev
 	$(BIN)/python deploy/proof/pid1.py
 
+deb:
+	$(PYTHON) deploy/deb.py dist
+
 train: $(VENV)/.train
 	$(BIN)/python -m models.train --help
 

@@ -163,7 +163,8 @@ class Home:
             shutil.rmtree(folder, ignore_errors=True)
             self.releases.mkdir(parents=True, exist_ok=True)
             build(source, folder)
-            shutil.copyfile(source / "deploy/manage.py", folder / "manage.py")
+            for kept in ("manage.py", "README.md"):
+                shutil.copyfile(source / "deploy" / kept, folder / kept)
             sync_tree(folder)
             write_whole(folder / ".complete", b"")
         return name

@@ -110,6 +110,10 @@ def parser() -> argparse.ArgumentParser:
         "--bundle", type=Path, metavar="FILE", help="also write a .tar.gz for a helper: no secrets"
     )
 
+    check.add_argument(
+        "--beside", action="store_true", help="beside a running robot: leave its devices alone"
+    )
+
     from robot.body.asking import add_ask_options
 
     ask = _verb(verbs, "ask", "ask a running robot: start, dock, clean rooms, go to, ...", _ask)
@@ -219,12 +223,12 @@ def _log_recover(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from robot.body.check import check
+    from robot.body.check import check, check_running
     from robot.config import load_config
     from robot.progress import print_table
 
     config = load_config(arguments.config)
-    findings = check(config)
+    findings = check_running(config) if arguments.beside else check(config)
     if arguments.json != "-":
         print_table("check", findings)
     if arguments.bundle is not None:

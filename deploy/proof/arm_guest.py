@@ -1,9 +1,9 @@
 """A stretch of a drive, for `arm.py`: recorded on the host, lived through on the emulated board.
 
 On the host `render` drives 25 s in the built-in flat and keeps the events, the last frames, and
-what SGBM and the network make of one of them. On the board the brain lives through the events as they
-were logged; the last frames go through the whole chain again, between markers that count executed
-instructions.
+what SGBM and the network make of one of them. On the board the brain lives through the events as
+they were logged; the last frames go through the whole chain again, between markers that count
+executed instructions.
 """
 
 from __future__ import annotations

@@ -156,8 +156,9 @@ def boot(work: Path) -> None:
     os.chdir("/")
     environment = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "container": "trial",
                    "SYSTEMD_UNIT_PATH": f"{UNITS}:"}  # fmt: skip
-    os.execve("/lib/systemd/systemd", ["systemd", "--system", f"--unit={TARGET}",
-              "--log-target=console", "--log-level=info", "--show-status=no"], environment)  # fmt: skip
+    words = ["--log-target=console", "--log-level=info", "--show-status=no"]
+    program = "/lib/systemd/systemd"
+    os.execve(program, ["systemd", "--system", f"--unit={TARGET}", *words], environment)
 
 
 # ---------------------------------------------------------------- the trials

@@ -1,4 +1,4 @@
-"""Stands for `sweeper` in the trial of the service: the real live body on devices that are not there.
+"""Stands for `sweeper` in the trial of the service: the real live body without its devices.
 
 `run` lives until it is killed, and hangs when the file `hang` appears in its runtime folder;
 `wheels stop` notes when it was called. A release whose `broken` file exists fails at once.

@@ -6,6 +6,7 @@ the covariance is honest, wrong associations, and what a step costs beside filte
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from robot.bench.slam_cost import SIZES, measure_cost
 from robot.bench.slam_data import find_surveys
+from robot.bench.slam_growth import measure_growth
 from robot.bench.slam_log import measure_log
 from robot.bench.slam_perturb import parse_perturbations, perturb
 from robot.bench.slam_picture import draw_map
@@ -31,10 +33,13 @@ def bench_slam(
     out_dir: Path | None = None,
     perturbations: str = "",
     sizes: tuple[int, ...] = SIZES,
+    tell: Callable[[str], None] | None = None,
+    growth: bool = False,
 ) -> dict[str, Any]:
     """Measure the recording at `path`, or all under it; `association` None: known and unknown.
 
-    With `out_dir`, a picture and TUM trajectories of each go there. Raises DataError or LogError
+    With `out_dir`, a picture and TUM trajectories of each go there; `tell` hears how far it is.
+    Raises DataError or LogError
     for what cannot be read.
     """
     changes = parse_perturbations(perturbations)
@@ -51,16 +56,19 @@ def bench_slam(
             run = run_survey(data, kind == "known")
             row = measure_survey(data, run, kind == "known")
             runs.append(row)
+            if tell is not None:
+                tell(f"{data.name}, {kind}: {row['ate_rmse_m']} m")
             if out_dir is not None:
                 stem = f"{data.name}_{kind}"
                 _write(out_dir, stem, run.track, run.truth, run.landmarks, run.landmark_covs)
     for log in logs:
-        result = measure_log(log, config)
+        result = measure_log(log, config, tell)
         runs.append(result.row)
         if out_dir is not None:
             tracks = result.track, result.truth
             _write(out_dir, result.row["name"], *tracks, *result.landmarks)
-    return {"runs": runs, "cost": measure_cost(sizes)}
+    grown = measure_growth() if growth else []
+    return {"runs": runs, "cost": measure_cost(sizes), "growth": grown}
 
 
 def _associations(wanted: str | None, named: bool) -> list[str]:

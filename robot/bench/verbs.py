@@ -90,6 +90,7 @@ def add_verbs(benches: Any, verb: AddVerb, write_json: Callable[[str | None, Any
         metavar="LIST",
         help="mirror,relabel,shift=S,drop=P,outliers=P,wrong=P,slip=P",
     )
+    slam.add_argument("--growth", action="store_true", help="also frames in homes of any size")
     slam.add_argument("--out", type=Path, default=Path("runs/slam"), help="pictures and tracks")
 
     faults = add("faults", "twelve things that go wrong, and what the robot makes of them", _faults)
@@ -156,8 +157,12 @@ def _slam(arguments: argparse.Namespace) -> Result:
         arguments.out,
         arguments.perturb,
         tell=lambda line: print(line, file=sys.stderr),
+        growth=arguments.growth,
     )
-    return {"slam": result["runs"], "cost of one step": result["cost"]}, result
+    tables = {"slam": result["runs"], "cost of one step": result["cost"]}
+    if result["growth"]:
+        tables["cost of a frame"] = result["growth"]
+    return tables, result
 
 
 def _faults(arguments: argparse.Namespace) -> Result:

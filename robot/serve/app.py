@@ -23,7 +23,10 @@ from robot.serve.openapi import describe, docs_page
 from robot.serve.runtime import Unreachable
 
 Service = Callable[[], Awaitable[None]]
-PAGE_FILES = ("app.js", "map.js", "style.css", "icon.svg", "manifest.webmanifest")
+PAGE_FILES = (
+    "app.js", "drive.js", "health.js", "kit.js", "map.js", "plan.js", "rooms.js", "sketch.js",
+    "style.css", "icon.svg", "manifest.webmanifest",
+)  # fmt: skip
 mimetypes.add_type("application/manifest+json", ".webmanifest")
 mimetypes.add_type("text/javascript", ".js")
 

@@ -11,6 +11,7 @@ import pkgutil
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from starlette.requests import Request
@@ -37,6 +38,7 @@ class Robot:
     robot_id: str
     fleet: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     has_fleet: bool = False
+    config: Path | None = None  # the runtime's settings, for the support bundle
 
 
 Handler = Callable[[Robot, Request], Awaitable[Response]]

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -214,6 +215,8 @@ class Gate:
             if not started:
                 closing = {"connection": "close"}
                 await _refuse(error.status, error.reason, closing)(scope, receive, send)
+        except ClientDisconnect:
+            return
 
 
 # ---------------------------------------------------------------------- parts

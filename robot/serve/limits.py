@@ -62,6 +62,16 @@ class PatientProtocol(H11Protocol):
         if self.scope is not None:
             self._calm()
 
+    def send_400_response(self, msg: str) -> None:
+        """A body that breaks the rules is answered here, so nobody else must answer, too."""
+        if self.cycle is not None and self.cycle.response_started:
+            self.transport.abort()
+            return
+        super().send_400_response(msg)
+        if self.cycle is not None:
+            self.cycle.disconnected = True
+            self.cycle.message_event.set()
+
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the clock."""
         self._calm()

@@ -37,6 +37,7 @@ class ServeOptions:
     mqtt_tls: bool = False
     mqtt_ca: Path | None = None
     fleet: bool = False
+    config: Path | None = None
 
 
 def keyring(state: Path) -> Keyring:
@@ -148,6 +149,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
         options.robot_id or own_id(),
         fleet,
         has_fleet=options.fleet,
+        config=options.config,
     )
     off = options.state / OFF_FILE
     hosts = {*LOOPBACK, *(name.lower() for name in options.names)}

@@ -33,6 +33,7 @@ def add_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--mqtt-password-file", type=Path)
     verb.add_argument("--mqtt-tls", action="store_true", help="speak TLS to the broker")
     verb.add_argument("--mqtt-ca", type=Path, help="its certificate authority (PEM)")
+    verb.add_argument("--config", type=Path, help="the runtime's settings, for support bundles")
     verb.add_argument("--fleet", action="store_true", help="list all robots of the broker")
     keys = verb.add_argument_group("keys and switch (do one thing and end)")
     keys.add_argument("--set-password", action="store_true", help="asks, or reads one line")
@@ -81,6 +82,7 @@ def options(arguments: argparse.Namespace, state: Path) -> ServeOptions:
         mqtt_tls=arguments.mqtt_tls,
         mqtt_ca=arguments.mqtt_ca,
         fleet=arguments.fleet,
+        config=arguments.config,
     )
 
 

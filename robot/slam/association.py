@@ -166,6 +166,13 @@ def mahalanobis(
     ekf: LandmarkFilter, sights: np.ndarray, cov: np.ndarray, loose_m: np.ndarray | None = None
 ) -> np.ndarray:
     """Squared Mahalanobis distances (m, n) of sights (m, 2), with `cov`, to all landmarks."""
+    return quadratic(*pair_spread(ekf, sights, cov, loose_m))
+
+
+def pair_spread(
+    ekf: LandmarkFilter, sights: np.ndarray, cov: np.ndarray, loose_m: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Innovations (m, n, 2) of sights (m, 2), with `cov`, under all landmarks; covariances."""
     predicted, by_pose, by_point = expected(ekf.x[POSE], ekf.landmarks())
     mixed = by_pose @ ekf.pose_covs() @ by_point.transpose(0, 2, 1)
     spread = by_pose @ ekf.head()[POSE, POSE] @ by_pose.transpose(0, 2, 1)
@@ -176,7 +183,7 @@ def mahalanobis(
     spread += by_point @ place @ by_point.transpose(0, 2, 1)
     away = sights[:, None, :] - predicted[None]
     away[..., 1] = wrap(away[..., 1])
-    return quadratic(away, spread[None] + cov[:, None])
+    return away, spread[None] + cov[:, None]
 
 
 def quadratic(vector: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -72,6 +72,7 @@ class Entry:
     born_ns: int
     last_seen_ns: int
     refused: int = 0  # sightings in a row that did not fit
+    anchor: bool = False  # groups that sleep are known relative to it
 
     def learn(self, bits: np.ndarray, height_m: float, t_ns: int) -> None:
         """Take in a sighting that fitted."""
@@ -88,6 +89,13 @@ class Entry:
             BITS - bits @ known_bits > 2 * _NEW_SIGNATURE_BITS for known_bits in self.bits
         ):
             self.bits.append(bits)
+
+    def absorb(self, other: Entry) -> None:
+        """Take over what is known of `other`, which is the same thing."""
+        self.sightings += other.sightings
+        self.visits += 1
+        self.last_seen_ns = max(self.last_seen_ns, other.last_seen_ns)
+        self.bits += other.bits[: _MAX_SIGNATURES - len(self.bits)]
 
 
 @dataclass(slots=True, eq=False)
@@ -107,6 +115,12 @@ class Catalogue:
         if track >= 0:
             self.by_track[track] = entry
 
+    def extend(self, entries: list[Entry]) -> None:
+        """Append the entries of landmarks that were appended to the filter again."""
+        for index, entry in enumerate(entries, start=len(self.entries)):
+            entry.index = index
+        self.entries += entries
+
     def keep(self, kept: np.ndarray) -> None:
         """Forget all entries but `kept`, as the filter did."""
         self.entries = [self.entries[int(i)] for i in kept]
@@ -119,6 +133,11 @@ class Catalogue:
         """Drop the tracks that are not followed any more; their numbers never come back."""
         alive = set(present.tolist())
         self.by_track = {t: e for t, e in self.by_track.items() if t in alive}
+
+    def join(self, older: Entry, younger: Entry) -> None:
+        """Let the tracks that show `younger` show `older`, and that know what both do."""
+        older.absorb(younger)
+        self.by_track = {t: older if e is younger else e for t, e in self.by_track.items()}
 
     def bound(self, track: np.ndarray) -> np.ndarray:
         """Landmark index (m,) of each track, -1 where it is not known."""

@@ -2,8 +2,9 @@
 
 Branch and bound over the sights of a frame (Neira and Tardos, "Data association in stochastic
 mapping using the joint compatibility test", IEEE Trans. Robotics and Automation 2001). Every node
-adds a pair whose joint innovation, with the filter's correlations, still passes the chi-square
-test; the hypothesis with the most pairs wins, among equals the nearest. Pairs for which another
+adds a pair, while the joint innovation, with the filter's correlations, can still pass the
+chi-square test once all sights have a pair; the hypothesis that passes with the most pairs wins,
+among equals the nearest. Pairs for which another
 landmark would do about as well are left out: not to know is better than to be wrong.
 """
 
@@ -63,6 +64,8 @@ class _Search:
         if len(chosen) + left < len(self.best) or self._nodes > _MAX_NODES:
             return
         if left == 0:
+            if chosen and chi2 >= chi2_99(2 * len(chosen)):
+                return
             if (len(chosen), -chi2) > (len(self.best), -self._best_chi2):
                 self.best, self._best_chi2 = list(chosen), chi2
             return
@@ -72,7 +75,7 @@ class _Search:
                 continue
             self._nodes += 1
             joint, _ = self._table.distance([*chosen, k])
-            if joint < chi2_99(2 * len(chosen) + 2):
+            if joint < chi2_99(2 * (len(chosen) + left)):
                 self.descend(level + 1, [*chosen, k], joint)
         if len(chosen) + left - 1 >= len(self.best):
             self.descend(level + 1, chosen, chi2)

@@ -8,6 +8,7 @@ import numpy as np
 
 from robot.config import SlamConfig
 from robot.messages import Marker
+from robot.slam.asleep import GROUP, Sleepers
 from robot.slam.association import (
     Pairs,
     PoseEvidence,
@@ -17,6 +18,7 @@ from robot.slam.association import (
     quadratic,
 )
 from robot.slam.catalogue import Catalogue, Entry, Observations
+from robot.slam.doubles import merge_doubles
 from robot.slam.ekf import MARKER, POSE, YAW, LandmarkFilter
 from robot.slam.provisional import Waiting
 from robot.slam.sensor import expected_marker, locate, locate_marker, residual
@@ -39,6 +41,7 @@ class LandmarkMap:
         self._ekf = ekf
         self._catalogue = Catalogue()
         self._waiting = Waiting(config)
+        self._sleepers = Sleepers()
         self.marker_known = False
         self._pruned_ns = 0
         self._odd_frames = 0
@@ -50,6 +53,8 @@ class LandmarkMap:
         pairs = pair_up(self._ekf, self._catalogue, seen, loose_m, self._config)
         used = self._apply(pairs, seen, t_ns, ahead_m)
         self._grow(seen, used, t_ns)
+        room = self._config.max_landmarks - len(self._catalogue)
+        self._catalogue.extend(self._sleepers.wake(self._ekf, self.entries, room))
         if t_ns - self._pruned_ns > _PRUNE_NS:
             self._pruned_ns = t_ns
             self._prune(t_ns)
@@ -62,6 +67,11 @@ class LandmarkMap:
     @entries.setter
     def entries(self, entries: list[Entry]) -> None:
         self._catalogue = Catalogue(entries)
+        self._sleepers = Sleepers()
+
+    def whole(self) -> tuple[LandmarkFilter, list[Entry]]:
+        """A copy of the filter with all landmarks awake, and their entries in its order."""
+        return self._sleepers.whole(self._ekf, self.entries)
 
     def familiar(self, t_ns: int, age_ns: int) -> int:
         """How many of the landmarks seen at `t_ns` were known `age_ns` before."""
@@ -77,6 +87,7 @@ class LandmarkMap:
         if len(kept) < len(born):
             self._ekf.keep(kept)
             self._catalogue.keep(kept)
+        self._sleepers.forget(self.entries, born_after_ns)
 
     def correct_by_marker(self, marker: Marker) -> None:
         """Anchor to the dock's marker: its first sight places it, later ones correct the pose."""
@@ -222,18 +233,45 @@ class LandmarkMap:
         return np.array(chosen, dtype=int)
 
     def _prune(self, t_ns: int) -> None:
-        """Drop ghosts, and the least useful landmarks beyond the bound."""
-        entries = self._catalogue.entries
-        idle = np.array([t_ns - entry.last_seen_ns for entry in entries])
-        sightings = np.array([entry.sightings for entry in entries])
-        ghost = (sightings < _MIN_SIGHTINGS) & (idle > _GHOST_NS)
-        kept = np.flatnonzero(~ghost)
-        surplus = len(kept) - self._config.max_landmarks
-        if surplus > 0:
-            kept = kept[np.sort(np.argsort(self._value(t_ns)[kept], kind="stable")[surplus:])]
-        if len(kept) < len(entries):
-            self._ekf.keep(kept)
-            self._catalogue.keep(kept)
+        """Drop doubles and ghosts; beyond the bound what is crowded; let far ones sleep."""
+        kept = ~merge_doubles(self._ekf, self._catalogue, self._config)
+        idle = np.array([t_ns - entry.last_seen_ns for entry in self.entries])
+        sightings = np.array([entry.sightings for entry in self.entries])
+        kept &= self._anchors() | (sightings >= _MIN_SIGHTINGS) | (idle <= _GHOST_NS)
+        bound = self._config.max_landmarks
+        if kept.sum() > bound:
+            value = self._value(t_ns)
+            self._drop_least(kept, value, ~self._uncrowded(value))
+            if (surplus := int(kept.sum()) - bound) > 0:
+                free = kept & (idle > _GHOST_NS)
+                kept &= ~self._sleepers.put_away(self._ekf, self.entries, free, surplus + GROUP)
+            self._drop_least(kept, value, kept)
+        if not kept.all():
+            index = np.flatnonzero(kept)
+            self._ekf.keep(index)
+            self._catalogue.keep(index)
+
+    def _anchors(self) -> np.ndarray:
+        """Mask (n,) of what others that sleep are known by."""
+        return np.array([entry.anchor for entry in self.entries], dtype=bool)
+
+    def _drop_least(self, kept: np.ndarray, value: np.ndarray, among: np.ndarray) -> None:
+        """Take the least useful of the mask `among` (n,) out of `kept`, down to the bound."""
+        index = np.flatnonzero(kept & among & ~self._anchors())
+        index = index[np.argsort(value[index], kind="stable")]
+        kept[index[: max(0, int(kept.sum()) - self._config.max_landmarks)]] = False
+
+    def _uncrowded(self, value: np.ndarray) -> np.ndarray:
+        """Mask (n,) of the most useful landmarks of each square metre."""
+        cells = np.floor(self._ekf.landmarks()).astype(int)
+        order = np.argsort(-value, kind="stable")
+        count: dict[tuple[int, ...], int] = {}
+        good = np.zeros(len(cells), dtype=bool)
+        for i in order.tolist():
+            cell = tuple(cells[i].tolist())
+            count[cell] = count.get(cell, 0) + 1
+            good[i] = count[cell] <= self._config.landmarks_per_m2
+        return good
 
     def _value(self, t_ns: int) -> np.ndarray:
         """How useful each landmark (n,) is: found again often, seen often, alone, in view now."""

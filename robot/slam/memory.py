@@ -33,9 +33,9 @@ class SlamMemory:
     places: PlacePoints
 
 
-def remember(ekf: LandmarkFilter, known: LandmarkMap, places: PlacePoints) -> SlamMemory:
-    """Copy what is known."""
-    entries = known.entries
+def remember(known: LandmarkMap, places: PlacePoints) -> SlamMemory:
+    """Copy what is known, of landmarks awake and asleep."""
+    ekf, entries = known.whole()
     signatures = [(i, bits) for i, entry in enumerate(entries) for bits in entry.bits]
     packed = np.array([np.packbits(bits > 0) for _, bits in signatures], dtype=np.uint8)
     return SlamMemory(

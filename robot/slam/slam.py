@@ -124,7 +124,7 @@ class Slam:
 
     def memory(self) -> SlamMemory:
         """All that another run can begin with."""
-        return remember(self._ekf, self._map, self._finder.places.points)
+        return remember(self._map, self._finder.places.points)
 
     def _search(self, seen: Seen) -> None:
         """Lost: no correction by landmarks until places tell the pose for certain."""

@@ -1,41 +1,24 @@
 // The page's state, its live line to the robot, and everything around the map.
+import { $, API, button as pressable, clock, get, make, post, sentence, text, toast } from "/kit.js";
+import { Drive } from "/drive.js";
+import { check, facts, fleet, history } from "/health.js";
 import { MapView } from "/map.js";
+import { Plan } from "/plan.js";
+import { Rooms } from "/rooms.js";
 
-const API = "/api/v1";
 const TITLES = {
   none: "Waking up", idle: "Waiting", docked: "On the dock", starting: "Starting", undock: "Leaving the dock",
   look: "Looking round", clean: "Cleaning", return: "Driving home", dock: "Docking", recover: "Freeing itself",
   paused: "Paused", done: "Finished", error: "Needs help", unreachable: "Robot not reachable",
+  spot: "Cleaning a spot", zone: "Cleaning a zone", room: "Cleaning rooms", goto: "On its way", manual: "Driven by hand",
+  charge: "Charging", lifted: "In somebody's hands", lost: "Finding out where it is", retrace: "Going back its way", "wheel-only": "Feeling its way home",
 };
-const $ = (id) => document.getElementById(id);
 const map = new MapView($("map"));
 const now = { status: {}, caps: new Map(), tab: "now", socket: null, wait: 500, hello: {} };
 window.sweeper = { map, now }; // for a look from the browser's console
 
-const text = (id, value) => { if ($(id).textContent !== value) $(id).textContent = value; };
-const make = (tag, attributes = {}, ...children) => {
-  const node = document.createElement(tag);
-  for (const [key, value] of Object.entries(attributes)) key.startsWith("on") ? node.addEventListener(key.slice(2), value) : node.setAttribute(key, value);
-  node.append(...children);
-  return node;
-};
-const clock = (s) => (s == null ? "–" : `${Math.floor(s / 60)}:${String(Math.floor(s % 60)).padStart(2, "0")}`);
-const sentence = (words) => (words ? words[0].toUpperCase() + words.slice(1) + (/[.!?]$/.test(words) ? "" : ".") : "");
-
-function toast(words) {
-  text("toast", words);
-  $("toast").hidden = false;
-  clearTimeout(toast.timer);
-  toast.timer = setTimeout(() => { $("toast").hidden = true; }, 5000);
-}
-
-async function get(path, options) {
-  const answer = await fetch(API + path, options);
-  if (answer.status === 401) location.reload();
-  const body = await answer.json();
-  if (!answer.ok) throw new Error(body.reason || body.error || `error ${answer.status}`);
-  return body;
-}
+const has = (name) => now.caps.has(name);
+const rooms = new Rooms(map, has), plan = new Plan(has), drive = new Drive(wish);
 
 // ------------------------------------------------------------------ what the robot can do
 
@@ -45,10 +28,12 @@ async function learn() {
     now.caps = new Map(capabilities.map((capability) => [capability.name, capability]));
     text("name", name);
     document.title = name;
-    $("show-camera").hidden = !now.caps.has("camera");
-    $("show-landmarks").hidden = !now.caps.has("landmarks");
-    $("tab-history").hidden = !now.caps.has("history");
-    $("recheck").hidden = !now.caps.has("check");
+    for (const [id, needed] of [["show-camera", "camera"], ["show-landmarks", "landmarks"], ["tab-history", "history"], ["recheck", "check"], ["drive-box", "manual"], ["bundle", "bundle"], ["fleet-box", "fleet"]]) $(id).hidden = !has(needed);
+    $("tab-map").hidden = !["zones", "rooms", "no_go", "walls", "go_to"].some(has);
+    $("tab-plan").hidden = !["schedules", "consumables"].some(has);
+    $("show-rooms").hidden = !has("rooms");
+    rooms.learn();
+    plan.learn();
     buttons();
   } catch (error) { toast(sentence(error.message)); }
 }
@@ -62,15 +47,8 @@ function buttons() {
   const focused = place.contains(document.activeElement);
   place.dataset.key = key;
   place.replaceChildren(...wanted.map(({ name, summary, button }) =>
-    make("button", { type: "button", id: `do-${name}`, class: button.weight, title: summary, onclick: (event) => press(event.currentTarget, button.path) }, button.label)));
+    pressable(button.label, () => post(button.path.slice(API.length), {}, { quiet: true }), { id: `do-${name}`, class: button.weight, title: summary })));
   if (focused) place.querySelector("button")?.focus();
-}
-
-async function press(button, path) {
-  button.setAttribute("aria-busy", "true");
-  try { await get(path.slice(API.length), { method: "POST" }); }
-  catch (error) { toast(sentence(error.message)); }
-  button.removeAttribute("aria-busy");
 }
 
 // ------------------------------------------------------------------ the live line
@@ -88,6 +66,7 @@ function connect() {
     else inflating = inflating.then(() => inflate(bytes.subarray(1))).then((cells) => { map.setTiles(cells); $("nomap").hidden = !map.empty; now.maps = (now.maps || 0) + 1; });
   };
   socket.onclose = async () => {
+    drive.stop();
     light(false);
     setTimeout(connect, now.wait);
     now.wait = Math.min(8000, now.wait * 2);
@@ -102,7 +81,12 @@ async function inflate(bytes) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-function wish(words) { if (now.socket?.readyState === 1) now.socket.send(JSON.stringify(words)); }
+// Whether there is a line, and it takes what is said at once.
+function wish(words) {
+  const open = now.socket?.readyState === 1 && now.socket.bufferedAmount < 2000;
+  if (open) now.socket.send(JSON.stringify(words));
+  return open;
+}
 
 function hear(news) {
   if (news.type === "hello") {
@@ -114,7 +98,9 @@ function hear(news) {
   } else if (news.type === "status") status(news);
   else if (news.type === "pose") { map.setPose(news); speed(news); }
   else if (news.type === "track") map.setTrack(news.first, news.xy_m);
-  else if (news.type === "map") { if (news.resolution_m) map.resolution = news.resolution_m; if (!now.caps.has("map")) learn(); }
+  else if (news.type === "map") { if (news.resolution_m) map.resolution = news.resolution_m; if (!has("map")) learn(); }
+  else if (news.type === "drawn") { rooms.show(news); plan.show(news); }
+  else if (news.type === "drove") drive.hear(news);
   else if (news.type === "landmarks") { map.landmarks = news.points; map.ask(); }
 }
 
@@ -138,9 +124,9 @@ function status(news) {
     $("progress-fill").style.width = `${pct}%`;
     text("progress-text", `${pct} % of the floor that is known so far`);
   }
-  if (news.landmarks === undefined && !now.caps.has("landmarks") && news.state === "clean") learnSoon();
+  if (news.landmarks === undefined && !has("landmarks") && news.state === "clean") learnSoon();
   $("map").setAttribute("aria-label", `Map of the floor. ${TITLES[news.state] || news.state}. ${news.covered_m2 == null ? "" : `${news.covered_m2.toFixed(1)} square metres cleaned.`} Arrow keys move, plus and minus zoom, 0 shows everything.`);
-  if (now.tab === "health") facts();
+  if (now.tab === "health") facts(news, now.hello);
 }
 
 function learnSoon() {
@@ -168,69 +154,6 @@ function picture(bytes) {
   eye.src = url;
 }
 
-// ------------------------------------------------------------------ history
-
-async function history() {
-  try {
-    const { runs } = await get("/runs?limit=30");
-    $("noruns").hidden = runs.length > 0;
-    $("runs").replaceChildren(...runs.map(card));
-  } catch (error) { toast(sentence(error.message)); }
-}
-
-function card({ id, files, summary }) {
-  const when = id.match(/^(\d{4})(\d{2})(\d{2})-(\d{2})(\d{2})(\d{2})/).slice(1).map(Number);
-  const date = new Date(Date.UTC(when[0], when[1] - 1, ...when.slice(2)));
-  const words = date.toLocaleString([], { weekday: "short", day: "numeric", month: "short", hour: "2-digit", minute: "2-digit" });
-  const s = summary || {};
-  const figures = [
-    s.covered_m2 != null && `${s.covered_m2.toFixed(1)} m²`, s.covered_pct != null && `${s.covered_pct.toFixed(0)} % covered`,
-    s.duration_s != null && `${clock(s.duration_s)} min`, s.path_m != null && `${s.path_m.toFixed(0)} m driven`].filter(Boolean);
-  const link = (file, label) => make("a", { href: `${API}/runs/${id}/${file}`, "aria-label": `${label} of ${words}` }, label);
-  const links = [["log.mcap", "Log"], ["trajectory.tum", "Track"], ["map.pgm", "Map file"], ["summary.json", "Figures"]].filter(([file]) => file in files);
-  const thumb = make("button", { type: "button", class: "thumb", "aria-label": `Map of ${words}`, onclick: () => view(id, words) });
-  if ("map.png" in files) thumb.append(make("img", { src: `${API}/runs/${id}/map.png`, alt: "", loading: "lazy" }));
-  else thumb.disabled = true;
-  return make("li", { class: "run" }, thumb, make("div", {},
-    make("h2", {}, words), make("p", {}, figures.join(" · ") || (summary ? "" : "Still going on, or it was cut off.")),
-    make("p", {}, s.state ? sentence(s.reason || s.state) : ""), make("nav", { "aria-label": `Files of ${words}` }, ...links.map(([file, label]) => link(file, label)))));
-}
-
-function view(id, words) {
-  $("viewer-image").src = `${API}/runs/${id}/map.png`;
-  $("viewer-image").alt = `Map of the run of ${words}`;
-  $("viewer").showModal();
-}
-
-// ------------------------------------------------------------------ health
-
-function facts() {
-  const s = now.status;
-  const rows = [
-    ["Position", { ok: "known well", degraded: "uncertain", lost: "lost" }[s.health] || "–"],
-    ["Motor controller", s.link == null ? "–" : s.link ? s.stop_reason ? `holds a stop: ${s.stop_reason}` : "answers" : "silent"],
-    ["Battery", s.battery_v == null ? "–" : `${s.battery_v.toFixed(1)} V`],
-    ["Processor", s.temperature_c == null ? "no thermometer" : `${s.temperature_c.toFixed(0)} °C`],
-    ["Bumper", s.bumped ? "pressed" : "free"],
-    ["Software", now.hello.software ? `${now.hello.software}, ${now.hello.body}` : "–"]];
-  $("facts").replaceChildren(...rows.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
-  const stages = Object.entries(s.stage_ms || {}), most = Math.max(1, ...stages.map(([, ms]) => ms));
-  $("stages").replaceChildren(...stages.map(([name, ms]) => {
-    const bar = make("i");
-    bar.style.width = `${(100 * ms) / most}%`;
-    return make("li", {}, make("span", {}, name), make("span", {}, bar), make("b", {}, `${ms.toFixed(1)} ms`));
-  }));
-}
-
-async function check() {
-  try {
-    const { checks } = await get("/check");
-    $("checks").replaceChildren(...checks.map(({ code, level, cause, remedy }) => make("li", {},
-      make("span", { class: level, "aria-hidden": "true" }, { ok: "✓", warn: "!", error: "✕" }[level] || "·"),
-      make("span", {}, make("b", {}, `${code}${level === "ok" ? "" : `: ${level}`}`), sentence(cause), remedy ? make("span", { class: "soft" }, ` ${sentence(remedy)}`) : ""))));
-  } catch (error) { toast(sentence(error.message)); }
-}
-
 // ------------------------------------------------------------------ hands
 
 function open(name) {
@@ -242,7 +165,8 @@ function open(name) {
     $(tab.getAttribute("aria-controls")).hidden = !chosen;
   }
   if (name === "history") history();
-  if (name === "health") { facts(); if (now.caps.has("check")) check(); }
+  if (name === "plan") plan.open();
+  if (name === "health") { facts(now.status, now.hello); if (has("check")) check(); if (has("fleet")) fleet(); }
 }
 
 const tabs = [...document.querySelectorAll('[role="tab"]')];
@@ -268,6 +192,7 @@ $("closer").addEventListener("click", () => map.zoom(1.4));
 $("farther").addEventListener("click", () => map.zoom(1 / 1.4));
 $("fit").addEventListener("click", () => map.fit());
 toggle("show-track", (on) => { map.showTrack = on; map.ask(); });
+toggle("show-rooms", (on) => { map.showRooms = on; map.ask(); });
 toggle("show-landmarks", (on) => { map.showLandmarks = on; wish({ landmarks: on }); map.ask(); });
 toggle("show-camera", (on) => { $("camera").hidden = !on; look(); });
 $("recheck").addEventListener("click", check);

@@ -1,4 +1,6 @@
 // The live map on a canvas: floor as tiles, track, landmarks, robot with its uncertainty.
+import { Sketch, paintDrawn, paintNames, roomAt } from "/sketch.js";
+
 const TILE = 32;
 const SIGMAS = 2;
 const DOCK = { front: 0.17, back: 0.26, half: 0.13 };
@@ -20,6 +22,11 @@ export class MapView {
     this.scale = 80; // CSS pixels per metre
     this.following = true; // the view shows everything until a person moves it
     this.pointers = new Map();
+    this.drawn = {}; // rooms, annotations
+    this.showRooms = true;
+    this.chosen = new Set(); // names of rooms
+    this.onSketch = this.onRoom = () => {};
+    this.sketch = new Sketch(this, () => this.onSketch());
     this.readColours();
     this.listen();
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -70,14 +77,19 @@ export class MapView {
 
   fit() {
     const box = this.bounds();
-    const top = 56, margin = 20, right = 48; // the bars lie over the canvas
+    const top = 56, margin = 20, low = this.floorPx(), right = this.narrow ? 0 : 48; // the bars lie over the canvas
     this.scale = Math.min(
       (this.width - 2 * margin - right) / (box.x1 - box.x0),
-      (this.height - top - margin) / (box.y1 - box.y0), 220);
-    this.centre = { x: (box.x0 + box.x1) / 2 + right / 2 / this.scale, y: (box.y0 + box.y1) / 2 + (top - margin) / 2 / this.scale };
+      Math.max(60, this.height - top - margin - low) / (box.y1 - box.y0), 220);
+    this.centre = { x: (box.x0 + box.x1) / 2 + right / 2 / this.scale, y: (box.y0 + box.y1) / 2 + (top - margin - low) / 2 / this.scale };
     this.following = true;
     this.ask();
   }
+
+  get narrow() { return window.matchMedia("(max-width: 859px)").matches; }
+
+  // What lies over the map's lower edge.
+  floorPx() { return (this.narrow ? 48 : 0) + (this.sketch.kind ? 130 : 0); }
 
   zoom(factor, at = { x: this.width / 2, y: this.height / 2 }) {
     const before = this.world(at);
@@ -116,23 +128,41 @@ export class MapView {
   listen() {
     const canvas = this.canvas;
     const place = (event) => { const box = canvas.getBoundingClientRect(); return { x: event.clientX - box.left, y: event.clientY - box.top }; };
-    canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); this.pointers.set(event.pointerId, place(event)); });
+    let tap = null; // where a touch began that has not moved
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      const at = place(event);
+      this.pointers.set(event.pointerId, at);
+      tap = this.pointers.size === 1 ? at : null;
+      if (!this.sketch.kind) return;
+      if (tap) this.sketch.down(this.world(at));
+      else this.sketch.cancel();
+    });
     canvas.addEventListener("pointermove", (event) => {
       if (!this.pointers.has(event.pointerId)) return;
       const before = [...this.pointers.values()].map((p) => ({ ...p }));
       const old = this.pointers.get(event.pointerId), now = place(event);
       this.pointers.set(event.pointerId, now);
-      if (this.pointers.size === 1) { this.move(now.x - old.x, now.y - old.y); return; }
+      if (tap && Math.hypot(now.x - tap.x, now.y - tap.y) > 6) tap = null;
+      if (this.sketch.start) { this.sketch.move(this.world(now)); return; }
+      if (this.pointers.size === 1) { if (!this.sketch.kind) this.move(now.x - old.x, now.y - old.y); return; }
       const after = [...this.pointers.values()];
       const span = (p) => Math.hypot(p[0].x - p[1].x, p[0].y - p[1].y) || 1;
       const middle = (p) => ({ x: (p[0].x + p[1].x) / 2, y: (p[0].y + p[1].y) / 2 });
       this.zoom(span(after) / span(before), middle(after));
       this.move(middle(after).x - middle(before).x, middle(after).y - middle(before).y);
     });
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
+    canvas.addEventListener("pointerup", (event) => {
+      this.pointers.delete(event.pointerId);
+      if (this.sketch.start) this.sketch.up();
+      else if (tap && !this.sketch.kind) { const name = roomAt(this, this.world(tap)); if (name) this.onRoom(name); }
+      tap = null;
+    });
+    canvas.addEventListener("pointercancel", (event) => { this.pointers.delete(event.pointerId); this.sketch.cancel(); });
     canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom(Math.exp(-event.deltaY * 0.0015), place(event)); }, { passive: false });
     canvas.addEventListener("dblclick", () => this.fit());
     canvas.addEventListener("keydown", (event) => {
+      if (this.sketch.kind && this.sketch.key(event)) { event.preventDefault(); return; }
       const steps = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] };
       if (steps[event.key]) this.move(...steps[event.key]);
       else if (event.key === "+" || event.key === "=") this.zoom(1.25);
@@ -148,7 +178,7 @@ export class MapView {
 
   readColours() {
     const style = getComputedStyle(document.documentElement);
-    const names = ["paper", "free", "swept", "occupied", "grid", "track", "robot", "landmark", "dock", "card", "ink", "soft"];
+    const names = ["paper", "free", "swept", "occupied", "grid", "track", "robot", "landmark", "dock", "card", "ink", "soft", "danger"];
     this.colour = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
     this.rgb = ["free", "swept", "occupied"].map((name) => { const hex = this.colour[name]; return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16)); });
   }
@@ -183,10 +213,13 @@ export class MapView {
     p.setTransform(s, 0, 0, -s, this.canvas.width / 2 - this.centre.x * s, this.canvas.height / 2 + this.centre.y * s);
     this.lines();
     this.floor();
+    paintDrawn(this, p);
     if (this.showTrack) this.way();
     this.dock();
     if (this.showLandmarks) for (const [x, y, xx, xy, yy] of this.landmarks) this.landmark(x, y, xx, xy, yy);
     if (this.pose) this.robot();
+    if (this.sketch.kind) this.sketch.paint(p);
+    paintNames(this, p);
     this.ruler();
   }
 
@@ -306,16 +339,16 @@ export class MapView {
   }
 
   ruler() {
-    const p = this.paint, length = [0.1, 0.25, 0.5, 1, 2, 5, 10].find((m) => m * this.scale > 56) || 20;
+    const p = this.paint, low = this.height - (this.narrow ? 48 : 0) - 16, length = [0.1, 0.25, 0.5, 1, 2, 5, 10].find((m) => m * this.scale > 56) || 20;
     const px = length * this.scale;
     p.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     p.strokeStyle = p.fillStyle = this.colour.soft;
     p.lineWidth = 2;
     p.lineCap = "round";
     p.beginPath();
-    p.moveTo(16, this.height - 22); p.lineTo(16, this.height - 16); p.lineTo(16 + px, this.height - 16); p.lineTo(16 + px, this.height - 22);
+    p.moveTo(16, low - 6); p.lineTo(16, low); p.lineTo(16 + px, low); p.lineTo(16 + px, low - 6);
     p.stroke();
     p.font = "12px system-ui, sans-serif";
-    p.fillText(length < 1 ? `${length * 100} cm` : `${length} m`, 22, this.height - 22);
+    p.fillText(length < 1 ? `${length * 100} cm` : `${length} m`, 22, low - 6);
   }
 }

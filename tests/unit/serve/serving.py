@@ -38,9 +38,9 @@ class Served:
         self.token = keys.new_token("test")
         self.url = f"http://127.0.0.1:{port}"
 
-    def ask(self, path, method="GET", body=None, token=True, **headers):
+    def ask(self, path, method="GET", body=None, token=True, timeout=20, **headers):
         """(status, headers, body bytes); headers are named with _ for -."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout)
         sent = {name.replace("_", "-"): value for name, value in headers.items()}
         if token:
             sent.setdefault("Authorization", f"Bearer {self.token}")

@@ -94,6 +94,9 @@ class StandIn(threading.Thread):
             self.obey(request, t_ns)
         if self.state == "clean":
             self.angle += 0.01
+            if self.angle > 2.0 * math.pi:  # round and round, and always something new
+                self.angle = 0.0
+                self.swept[:] = False
             self._explore()
         if tick % 5 == 0:
             cov = np.diag([4e-4, 1e-4, 2e-3])

@@ -82,7 +82,7 @@ def test_a_robot_that_knows_less_shows_less():
         runs = type("Runs", (), {"present": False})()
 
     names = {capability.name for capability in shown(Robot())}
-    assert names == {"start", "status", "track", "check", "calibration"}
+    assert names == {"start", "status", "track", "check", "calibration", "bundle"}
 
 
 def test_declarations_are_whole():

@@ -110,7 +110,8 @@ def test_everything_the_description_allows_is_answered_as_described(house):
     schemathesis = pytest.importorskip("schemathesis")
     server, *_ = house
     schema = schemathesis.openapi.from_dict(server.json("/api/v1/openapi.json")[1])
-    operations = [result.ok() for result in schema.get_all_operations()]
+    # A bundle is made by a process of its own: asked for elsewhere, once.
+    operations = [o for r in schema.get_all_operations() if (o := r.ok()).path != "/bundle"]
     assert len(operations) > 10
     each = max(3, SCHEMA_CASES // len(operations))
     asked = sum(ask_as_described(server, operation, each) for operation in operations)

@@ -1,54 +1,24 @@
 """The page in a real browser: every button, phone and desktop, keyboard, labels, contrast."""
 
 import os
-import shutil
 import time
 
 import pytest
+from browsing import CHROMIUM, SIZES, browser, open_page, until
 from serving import wait_for
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-SIZES = {"phone": (390, 844), "desktop": (1280, 800)}
+__all__ = ["browser"]
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="the Debian package chromium is missing")
 MAX_PAGE_BYTES = 300_000
 MAX_UPDATE_BYTES = 20_000
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="the Debian package chromium is missing")
-
-
-def until(page, expression):
-    """Wait for it without `eval`, which the page's content policy forbids."""
-    wait_for(lambda: page.evaluate(expression), 60)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"], timeout=120_000
-        )
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(params=SIZES)
 def page(browser, house, request):
-    """The robot's page, let in by the printed address; fails on any error in its console."""
-    server, robot, _ = house
-    robot.state = "docked"
-    width, height = SIZES[request.param]
-    context = browser.new_context(viewport={"width": width, "height": height})
-    context.set_default_timeout(60_000)
-    page = context.new_page()
-    errors = []
-    page.on("console", lambda m: errors.append(m.text) if m.type == "error" else None)
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(f"{server.url}/?token={server.token}")
-    page.wait_for_selector("#do-start")
-    until(page, "sweeper.map.tiles.size > 0")
-    yield page
-    context.close()
-    assert errors == []
+    """The robot's page; fails on any error in its console."""
+    with open_page(browser, house, request.param) as page:
+        yield page
 
 
 def test_every_button_reaches_the_robot_and_the_page_follows(page, house):
@@ -81,6 +51,7 @@ def test_the_map_lives_and_listens(page):
     page.mouse.up()
     assert not page.evaluate("sweeper.map.following")
     page.click("#fit")
+    page.click("#show-rooms")
     # What the canvas shows is what the stand-in has swept: pixels of the swept colour.
     swept = """() => {
       const m = sweeper.map, [r, g, b] = m.rgb[1];
@@ -122,7 +93,7 @@ def test_the_keyboard_is_enough(page, house):
     _, robot, _ = house
     page.focus("#tab-now")
     page.keyboard.press("ArrowRight")
-    until(page, "!document.querySelector('#history').hidden")
+    until(page, "!document.querySelector('#places').hidden")
     assert not page.is_visible("#now")
     page.keyboard.press("ArrowLeft")
     for _ in range(4):
@@ -136,13 +107,14 @@ def test_the_keyboard_is_enough(page, house):
     for _ in range(40):
         page.keyboard.press("Tab")
         seen.add(page.evaluate("document.activeElement.id"))
-    assert {"map", "closer", "farther", "fit", "show-track", "tab-now"} <= seen
+    assert {"map", "closer", "farther", "fit", "show-track", "show-rooms", "tab-now"} <= seen
 
 
 def test_axe_finds_nothing(page):
     from axe_playwright_python.sync_playwright import Axe
 
-    for tab in ("now", "history", "health"):
+    page.click("#drive-box summary")
+    for tab in ("now", "map", "plan", "history", "health"):
         page.click(f"#tab-{tab}")
         page.wait_for_timeout(600)
         found = Axe().run(page).response["violations"]
