@@ -11,24 +11,20 @@ from models.networks.blocks import Estimate, Exported, fold_norms
 from models.networks.cost_volume import CostVolume
 from models.networks.hybrid import Hybrid
 from models.networks.hybrid_paper import HybridPaper
-from models.networks.hybrid_surfaces import HybridSurfaces
 from models.networks.similarity import Similarity
 
 NETWORKS: dict[str, Callable[[], nn.Module]] = {
     "hybrid": Hybrid,
-    # Three blocks of context instead of four, one of refinement instead of two.
-    "hybrid_lean": partial(Hybrid, dilations=(1, 2, 4), refinements=1),
     # For a Pi 4 or 5: every width about doubled.
-    "hybrid_m": partial(Hybrid, features=32, half=16, wide=96),
-    # Points of the curve of width against accuracy.
-    "hybrid_s": partial(Hybrid, wide=32),
+    "hybrid_m": partial(Hybrid, half=16, features=32, wide=64, deep=128, deepest=160, last=96),
+    # A point of the curve of width against accuracy.
+    "hybrid_s": partial(Hybrid, wide=24, deep=48, deepest=64, last=32),
     "hybrid_paper": HybridPaper,
-    "hybrid_surfaces": HybridSurfaces,
     "similarity": Similarity,
     "cost_volume": CostVolume,
 }
 
-WIDTHS = ("hybrid_lean", "hybrid_m", "hybrid_s")  # other sizes of `hybrid`, in its file
+WIDTHS = ("hybrid_m", "hybrid_s")  # other sizes of `hybrid`, in its file
 
 __all__ = ["NETWORKS", "Estimate", "Exported", "build", "fold_norms", "module_of"]
 

@@ -6,13 +6,14 @@ torch = pytest.importorskip("torch")
 from torch.nn import functional as F  # noqa: E402
 
 from models.networks import NETWORKS, Exported, build, fold_norms  # noqa: E402
-from models.networks import hybrid_surfaces as surfaces  # noqa: E402
 from models.networks.hybrid import (  # noqa: E402
+    SHIFTS,
     BandConv3d,
+    Evidence,
+    Tower,
     correlation,
-    differences,
-    soft_argmin,
-    warp,
+    look_up,
+    soft_argmins,
 )
 from models.networks.hybrid_paper import (  # noqa: E402
     InterleavedConv3d,
@@ -110,56 +111,7 @@ def test_kernels_start_as_differences_at_every_shift():
 
 
 def test_band_convolution_is_a_3d_convolution_of_depth_stride_two():
-    layer = BandConv3d(2, 4)
-    volume = torch.randn(3, 2, 16, 6, 7)
-    expected = F.conv3d(volume, layer.weight, None, (2, 1, 1), 1)
-    got = layer(volume).view(3, 8, 4, 6, 7).transpose(1, 2)
-    torch.testing.assert_close(got, expected, atol=1e-5, rtol=1e-5)
-
-
-@pytest.mark.parametrize("width", [20, 64, 80])
-def test_correlation_compares_with_the_right_image_further_left(width):
-    left, right = torch.randn(2, 4, 3, width), torch.randn(2, 4, 3, width)
-    volume = correlation(left, right, 6, 2)
-    assert volume.shape == (2, 2, 6, 3, width)
-    for x in (0, 3, 15, 16, width - 1):
-        for shift in range(6):
-            expected = torch.tensor(0.0)  # outside the right image
-            if x >= shift:
-                expected = (left[1, 2:, 1, x] * right[1, 2:, 1, x - shift]).mean()
-            torch.testing.assert_close(volume[1, 1, shift, 1, x], expected)
-
-
-def test_soft_argmin_is_the_expected_index():
-    logits = torch.randn(2, 16, 3, 4)
-    expected = (logits.softmax(1) * torch.arange(16.0).view(1, 16, 1, 1)).sum(1, keepdim=True)
-    torch.testing.assert_close(soft_argmin(logits), expected)
-
-
-def test_warping_is_bilinear_sampling_held_at_the_border():
-    features = torch.randn(2, 4, 5, 40)
-    disparity = 45 * torch.rand(2, 1, 5, 40) - 5
-    x = torch.arange(40.0) - disparity[:, 0]
-    y = torch.arange(5.0).view(1, 5, 1).expand(2, 5, 40)
-    grid = torch.stack([2 * x / 39 - 1, 2 * y / 4 - 1], 3)
-    expected = F.grid_sample(features, grid, padding_mode="border", align_corners=True)
-    torch.testing.assert_close(warp(features, disparity), expected, atol=1e-4, rtol=1e-4)
-
-
-def test_warping_by_the_true_disparity_undoes_the_shift():
-    right = torch.randn(1, 4, 5, 40)
-    left = torch.roll(right, 7, 3)
-    warped = warp(right, torch.full((1, 1, 5, 40), 7.0))
-    torch.testing.assert_close(warped[..., 7:], left[..., 7:])
-    off = differences(left, warped)[..., 10:-2]
-    assert off.shape == (1, 5, 5, 28)
-    assert (off.argmin(1) == 2).all()  # the middle of the five fine shifts
-    expected = (left[..., 10:-2] - warped[..., 11:-1]).abs().sum(1)
-    torch.testing.assert_close(off[:, 3], expected)
-
-
-def test_band_convolution_of_surfaces_is_a_3d_convolution_of_depth_stride_two():
-    layer = surfaces.BandConv3d(4)
+    layer = BandConv3d(4)
     torch.nn.init.normal_(layer.bias)
     volume = torch.randn(3, 16, 6, 7)
     expected = F.conv3d(volume[:, None], layer.weight, layer.bias, (2, 1, 1), 1).relu()
@@ -168,10 +120,10 @@ def test_band_convolution_of_surfaces_is_a_3d_convolution_of_depth_stride_two():
 
 
 @pytest.mark.parametrize("width", [40, 64, 80])
-def test_correlation_of_surfaces_compares_with_the_right_image_further_left(width):
+def test_correlation_compares_with_the_right_image_further_left(width):
     left, right = torch.randn(2, 4, 3, width), torch.randn(2, 4, 3, 2 * width)
-    volume = surfaces.correlation(left, right)
-    assert volume.shape == (2, surfaces.SHIFTS, 3, width)
+    volume = correlation(left, right)
+    assert volume.shape == (2, SHIFTS, 3, width)
     for x in (0, 7, width - 1):
         for shift in (0, 1, 9, 31):
             seen = 2 * x - shift
@@ -180,7 +132,7 @@ def test_correlation_of_surfaces_compares_with_the_right_image_further_left(widt
 
 
 def test_a_dense_tower_agrees_with_the_other_at_even_columns():
-    tower = surfaces.Tower(8, 16).eval()
+    tower = Tower(8, 16).eval()
     x = torch.randn(1, 8, 12, 24)
     for sparse, dense in zip(tower(x, dense=False), tower(x, dense=True), strict=True):
         assert dense.shape == (1, 16, 6, 24)
@@ -188,26 +140,24 @@ def test_a_dense_tower_agrees_with_the_other_at_even_columns():
 
 
 def test_soft_argmins_are_expected_disparities_of_both_sets():
-    logits = torch.randn(2, 2 * surfaces.SHIFTS, 3, 4)
-    cells = (torch.arange(surfaces.SHIFTS) / 2.0).view(1, surfaces.SHIFTS, 1, 1)
+    logits = torch.randn(2, 2 * SHIFTS, 3, 4)
+    cells = (torch.arange(SHIFTS) / 2.0).view(1, SHIFTS, 1, 1)
     for i, scores in enumerate(logits.chunk(2, 1)):
         expected = (scores.softmax(1) * cells).sum(1)
-        torch.testing.assert_close(
-            surfaces.soft_argmins(logits)[:, i], expected, atol=1e-4, rtol=1e-4
-        )
+        torch.testing.assert_close(soft_argmins(logits)[:, i], expected, atol=1e-4, rtol=1e-4)
 
 
 def test_looking_up_at_the_true_disparity_finds_the_same_thing():
     right = torch.randn(2, 4, 5, 40)
     left = torch.roll(right, 7, 3)
-    found, rest = surfaces.look_up(right, torch.full((2, 1, 5, 40), 7.3))
+    found, rest = look_up(right, torch.full((2, 1, 5, 40), 7.3))
     torch.testing.assert_close(found.permute(0, 3, 1, 2)[..., 7:], left[..., 7:])
     torch.testing.assert_close(rest, torch.full((2, 1, 5, 40), 0.3))
     assert (found[:, :, :7] == found[:, :, :1]).all()  # held at the border
 
 
 def test_evidence_begins_as_zero_difference_at_the_right_surface_and_not_at_the_wrong_one():
-    evidence = surfaces.Evidence(8)
+    evidence = Evidence(8)
     right = torch.randn(1, 8, 8, 40)
     left = torch.roll(right, 6, 3)
     torch.nn.init.ones_(evidence.weigh.weight[:, 4:8])
