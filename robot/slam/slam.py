@@ -110,10 +110,13 @@ class Slam:
             self._finder.found(0)
 
     def lift(self) -> None:
-        """The robot hangs in the air: wherever it is put down, its pose is unknown."""
+        """The robot hangs in the air: wherever it is put down, its pose is unknown.
+
+        To be said for as long as it hangs: what it sees meanwhile is forgotten again.
+        """
         if not self._finder.lost:
-            self._finder.lose()
             self._map.move_on(self._mark.t_ns if self._mark else 0)
+        self._finder.lose()
 
     def suspect(self, t_ns: int) -> None:
         """What stands around is not what the map says; believed where landmarks are silent."""

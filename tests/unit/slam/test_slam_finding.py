@@ -102,6 +102,14 @@ def test_lifted_and_put_elsewhere(memory: SlamMemory, ride: Drive, to_s: float) 
     assert max(found) < 0.3
 
 
+def test_in_the_air_it_does_not_find_itself(memory: SlamMemory, ride: Drive) -> None:
+    slam = awake(memory, ride, 40.0)
+    for t_s in np.arange(52.0, 58.0, 0.1):  # it still sees the place where it was
+        slam.lift()
+        told = play(slam, ride, t_s, t_s + 0.1)
+        assert all(estimate.health == "lost" for _, estimate, _ in told)
+
+
 @pytest.mark.parametrize("to_s", [5.0, 20.0])
 def test_carried_away_unnoticed_it_notices(memory: SlamMemory, ride: Drive, to_s: float) -> None:
     slam = awake(memory, ride, 40.0)
