@@ -12,6 +12,8 @@ Size = tuple[float, float, float]
 # (building, pose, size or None, texture or "", bottom_m)
 Make = Callable[[Building, SE2, Size | None, str, float], None]
 
+FRAME_M, RAIL_M = 0.05, 0.08  # of a glass door or showcase
+
 
 def _block(default: Size, texture: str, front: str = "") -> Make:
     """One box; a texture given in the scene covers its front too."""
@@ -83,6 +85,25 @@ def _lamp(building: Building, pose: SE2, size: Size | None, name: str, bottom_m:
     building.box(pose, (depth, width, 0.22), "plain:6", bottom_m=bottom_m + height - 0.22)
 
 
+def _glass(building: Building, pose: SE2, size: Size | None, name: str, bottom_m: float) -> None:
+    """A pane in a frame: solid, but nothing between posts and rails is seen."""
+    depth, width, height = size or (0.06, 1.6, 2.0)
+    name = name or "metal:6"
+    for at in (0.5, -0.5):
+        post = pose @ SE2(0.0, at * (width - FRAME_M), 0.0)
+        building.box(post, (depth, FRAME_M, height), name, bottom_m=bottom_m)
+    building.box(pose, (depth, width, RAIL_M), name, bottom_m=bottom_m)
+    building.box(pose, (depth, width, FRAME_M), name, bottom_m=bottom_m + height - FRAME_M)
+
+
+def _glass_table(
+    building: Building, pose: SE2, size: Size | None, name: str, bottom_m: float
+) -> None:
+    """Four thin legs under a top that nobody sees."""
+    depth, width, height = size or (0.8, 1.2, 0.45)
+    building.legs(pose, (depth, width, height), 0.03, name or "metal:8")
+
+
 FURNITURE: dict[str, Make] = {
     "box": _block((0.4, 0.4, 0.4), "wood"),
     "cabinet": _block((0.4, 0.8, 0.9), "wood:2", "cabinet"),
@@ -100,4 +121,6 @@ FURNITURE: dict[str, Make] = {
     "rug": _rug,
     "plant": _plant,
     "lamp": _lamp,
+    "glass": _glass,
+    "glass_table": _glass_table,
 }

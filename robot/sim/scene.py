@@ -1,20 +1,12 @@
-"""Reads scenes: built-in ones by name, TOML files, and GLB or OBJ meshes.
-
-A TOML scene lists rooms (floor and ceiling), walls with door gaps, furniture, cliffs and the dock,
-or names a `mesh` and puts the dock into it. Furniture stands at `at` with its front towards
-`yaw_deg`; `size` is depth, width, height in metres.
-"""
+"""Builds worlds: built-in scenes by name, `random:SEED`, TOML files, GLB or OBJ meshes."""
 
 from __future__ import annotations
 
 import math
 from importlib import resources
 from pathlib import Path
-from typing import Literal
 
-import msgspec
 import numpy as np
-from msgspec import Struct
 
 from robot.config import RobotConfig
 from robot.errors import SceneError
@@ -22,83 +14,33 @@ from robot.geometry.se2 import SE2
 from robot.sim.building import Building, docked_pose
 from robot.sim.collide import nearest
 from robot.sim.furniture import FURNITURE
+from robot.sim.scene_file import (
+    DOOR_HEIGHT_M,
+    CliffTable,
+    RoomTable,
+    SceneTable,
+    WallTable,
+    parse_scene,
+)
 from robot.sim.world import World, segments_of
 
-Point = tuple[float, float]
-Span = tuple[float, float]
+RANDOM = "random:"
 WALL_THICK_M = 0.10
-DOOR_HEIGHT_M = 2.0
 SKIRTING_M = (0.012, 0.06)  # thickness and height
 PIT_DEPTH_M, STEP_RUN_M, STEP_RISE_M = 1.2, 0.25, 0.18
 
 
-class Strict(Struct, frozen=True, forbid_unknown_fields=True):
-    """A table of a scene file."""
-
-
-class RoomTable(Strict):
-    """A rectangle of floor and ceiling."""
-
-    x: Span
-    y: Span
-    floor: str = "planks"
-    lamp: bool = True
-
-
-class WallTable(Strict):
-    """A straight wall; `doors` are (distance along it of the middle, width)."""
-
-    start: Point
-    end: Point
-    texture: str = "wallpaper"
-    doors: list[Span] = []
-
-
-class FurnitureTable(Strict):
-    """One piece."""
-
-    kind: str
-    at: Point
-    yaw_deg: float = 0.0
-    size: tuple[float, float, float] | None = None
-    texture: str = ""
-    bottom: float = 0.0
-
-
-class CliffTable(Strict):
-    """A rectangle without floor; stairs go `down` there."""
-
-    x: Span
-    y: Span
-    down: Literal["+x", "-x", "+y", "-y"] = "+x"
-
-
-class DockTable(Strict):
-    """Where the marker's face is, and where it looks."""
-
-    at: Point
-    yaw_deg: float
-
-
-class SceneTable(Strict):
-    """A scene file."""
-
-    dock: DockTable
-    rooms: list[RoomTable] = []
-    walls: list[WallTable] = []
-    furniture: list[FurnitureTable] = []
-    cliffs: list[CliffTable] = []
-    ceiling: float = 2.4
-    mesh: str = ""
-
-
 def load_scene(name: str, robot: RobotConfig | None = None) -> World:
-    """Build the built-in scene `name`, or the TOML, GLB or OBJ file at that path.
+    """Build the built-in scene `name`, the home `random:SEED`, or the TOML, GLB or OBJ file there.
 
     Raises SceneError when there is none, or when a key of it is wrong; MissingExtraError when a
     mesh is asked for without trimesh.
     """
     path, robot = Path(name), robot or RobotConfig()
+    if name.startswith(RANDOM):
+        from robot.sim.random_home import random_home
+
+        return build_scene(random_home(_seed_of(name), robot), name, robot)
     if path.suffix.lower() in (".glb", ".obj"):
         from robot.sim.meshfile import load_mesh_world
 
@@ -114,10 +56,18 @@ def load_scene(name: str, robot: RobotConfig | None = None) -> World:
     file = resources.files("robot.sim") / "scenes" / f"{name}.toml"
     if not file.is_file():
         raise SceneError(
-            f"scene '{name}' is unknown; choose one of {', '.join(builtin_scenes())}, or give "
-            "the path of a TOML, GLB or OBJ file."
+            f"scene '{name}' is unknown; choose one of {', '.join(builtin_scenes())}, "
+            "random:SEED, or give the path of a TOML, GLB or OBJ file."
         )
     return build_scene(parse_scene(file.read_text(encoding="utf-8"), name), name, robot)
+
+
+def _seed_of(name: str) -> int:
+    """The number in `random:NUMBER`. Raises SceneError."""
+    seed = name.removeprefix(RANDOM)
+    if not (seed.isascii() and seed.isdecimal() and len(seed) <= 18):
+        raise SceneError(f"scene '{name}': give a whole number, like {RANDOM}7.")
+    return int(seed)
 
 
 def builtin_scenes() -> list[str]:
@@ -126,65 +76,6 @@ def builtin_scenes() -> list[str]:
     return sorted(
         f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")
     )
-
-
-def parse_scene(text: str, name: str) -> SceneTable:
-    """Read a scene file's text. Raises SceneError naming the key."""
-    try:
-        table = msgspec.toml.decode(text, type=SceneTable)
-    except msgspec.ValidationError as error:
-        what, _, where = str(error).partition(" - at ")
-        key = where.strip("`").removeprefix("$.") or "the top level"
-        raise SceneError(f"scene {name}: {what} (at {key}); correct that key.") from None
-    except msgspec.DecodeError as error:
-        raise SceneError(f"scene {name}: not valid TOML: {error}; correct that line.") from None
-    for key, problem in _problems(table):
-        raise SceneError(f"scene {name}: {key} {problem}; correct that key.")
-    return table
-
-
-def _problems(table: SceneTable) -> list[tuple[str, str]]:
-    """(key, what is wrong) of what TOML's types cannot say."""
-    found = [
-        (key, "has a number that is not finite or beyond 1000")
-        for key, number in _numbers(msgspec.to_builtins(table), "")
-        if not abs(number) <= 1000.0
-    ]
-    rects = [(f"rooms[{i}]", room.x, room.y) for i, room in enumerate(table.rooms)]
-    rects += [(f"cliffs[{i}]", cliff.x, cliff.y) for i, cliff in enumerate(table.cliffs)]
-    for name, *spans in rects:
-        for axis, (low, high) in zip("xy", spans, strict=True):
-            if not low < high:
-                found.append((f"{name}.{axis}", "must be (low, high) with low < high"))
-    for i, wall in enumerate(table.walls):
-        length, at = math.dist(wall.start, wall.end), 0.0
-        if not length > 0.05:
-            found.append((f"walls[{i}]", "is shorter than 5 cm"))
-        for middle, width in sorted(wall.doors):
-            if not (width > 0 and middle - width / 2 >= at and middle + width / 2 <= length):
-                found.append((f"walls[{i}].doors", f"do not fit one by one into {length:.2f} m"))
-            at = middle + width / 2
-    for i, piece in enumerate(table.furniture):
-        if piece.kind not in FURNITURE:
-            choices = ", ".join(FURNITURE)
-            found.append((f"furniture[{i}].kind", f"'{piece.kind}' is none of {choices}"))
-        if piece.size and (min(piece.size[:2]) <= 0 or piece.size[2] < 0):
-            found.append((f"furniture[{i}].size", "must be positive"))
-        if piece.bottom < 0:
-            found.append((f"furniture[{i}].bottom", "lies below the floor"))
-    if not table.ceiling > DOOR_HEIGHT_M:
-        found.append(("ceiling", f"must be above the doors' {DOOR_HEIGHT_M} m"))
-    return found
-
-
-def _numbers(value: object, key: str) -> list[tuple[str, float]]:
-    if isinstance(value, dict):
-        return [n for k, v in value.items() for n in _numbers(v, f"{key}.{k}" if key else k)]
-    if isinstance(value, list | tuple):
-        return [n for k, v in enumerate(value) for n in _numbers(v, f"{key}[{k}]")]
-    if isinstance(value, float):
-        return [(key, value)]
-    return []
 
 
 def build_scene(

@@ -147,6 +147,11 @@ def plain(rng: np.random.Generator) -> Texture:
     return Texture(grey(rng.uniform(150, 200) + 0.6 * noise(rng, 128, 128, 1.8)), (2.0, 2.0))
 
 
+def black(rng: np.random.Generator) -> Texture:
+    """Lacquer that returns next to no light: darker than a camera's noise floor can use."""
+    return Texture(grey(10.0 + 0.8 * noise(rng, 128, 128, 1.8)), (1.3, 1.3))
+
+
 def wallpaper(rng: np.random.Generator) -> Texture:
     """Stripes and sprigs over a rough ground; the tone wanders so that repeats differ."""
     size = 1024

@@ -12,6 +12,7 @@ import numpy as np
 from robot.errors import SceneError
 from robot.sim.surfaces import (
     Texture,
+    black,
     brick,
     carpet,
     dark_wood,
@@ -131,7 +132,7 @@ def leaves(rng: np.random.Generator) -> Texture:
 RECIPES: dict[str, Callable[[np.random.Generator], Texture]] = {
     recipe.__name__: recipe
     for recipe in (
-        wood, dark_wood, planks, parquet, tiles, carpet, oriental, plaster, plain, wallpaper,
+        wood, dark_wood, black, planks, parquet, tiles, carpet, oriental, plaster, plain, wallpaper,
         brick, fabric, leather, metal, books, picture, curtain, window, cabinet, drawers, leaves,
     )
 }  # fmt: skip
