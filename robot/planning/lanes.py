@@ -66,16 +66,15 @@ def lane_cells(space: Space, todo: np.ndarray, areas: np.ndarray, rules: LaneRul
 
 def _area_cells(space: Space, todo: np.ndarray, area: int, rules: LaneRules) -> list[Cell]:
     cells: list[Cell] = []
-    labels, count = regions(todo, _NECK_M / space.cell_m)
-    for label in range(1, count):
-        ys, xs = np.nonzero(labels == label)
-        if len(xs) < rules.least_gain:
+    around = _boxes(todo.astype(np.int32), round(2.0 * _NECK_M / space.cell_m))[0]
+    assert around is not None
+    labels, _ = regions(todo[around], _NECK_M / space.cell_m)
+    size = np.bincount(labels.ravel())
+    for label, box in enumerate(_boxes(labels, int(rules.brush)), start=1):
+        if box is None or size[label] < rules.least_gain:
             continue
-        margin = int(rules.brush)
-        y0, x0 = max(0, ys.min() - margin), max(0, xs.min() - margin)
-        box = (slice(y0, ys.max() + margin + 1), slice(x0, xs.max() + margin + 1))
-        corner = np.array([x0, y0], float)
-        part, centres = labels[box] == label, space.centres[box]
+        corner = np.array([box[1].start + around[1].start, box[0].start + around[0].start], float)
+        part, centres = labels[box] == label, space.centres[around][box]
         here = space.entry - corner
         rows = _lanes(part, centres, float(here[1]), rules)
         columns = _lanes(part.T, centres.T, float(here[0]), rules)
@@ -87,6 +86,20 @@ def _area_cells(space: Space, todo: np.ndarray, area: int, rules: LaneRules) -> 
             ends = (ends[:, :, ::-1] if turned else ends) + corner
             cells.append(Cell(ends, area, int(runs[:, 3].sum())))
     return cells
+
+
+def _boxes(labels: np.ndarray, margin: int) -> list[tuple[slice, slice] | None]:
+    """Rows and columns around each label from 1 on, `margin` wider; None: there is none of it."""
+    from scipy.ndimage import find_objects
+
+    return [
+        box
+        and (
+            slice(max(0, box[0].start - margin), box[0].stop + margin),
+            slice(max(0, box[1].start - margin), box[1].stop + margin),
+        )
+        for box in find_objects(labels)
+    ]
 
 
 def regions(todo: np.ndarray, neck: float) -> tuple[np.ndarray, int]:

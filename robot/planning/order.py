@@ -164,7 +164,7 @@ def _distances(lattice: Lattice, ends: np.ndarray, begins: np.ndarray) -> list[l
     straight = np.hypot(*(ends[:, None] - begins[None]).transpose(2, 0, 1))
     sources, row = np.unique([lattice.node_at(p) for p in ends], return_inverse=True)
     targets = np.array([lattice.node_at(p) for p in begins])
-    along = lattice.distances(sources, _FAR_M / lattice.cell_m)[:, targets][row]
+    along = lattice.distances(sources, targets, _FAR_M / lattice.cell_m)[row]
     far = np.where(np.isfinite(along), np.maximum(along, straight), _DETOUR * straight)
     travel: list[list[float]] = far.tolist()
     return travel

@@ -17,6 +17,8 @@ import numpy as np
 from robot.planning.costmap import Space
 
 _NODE_M = 0.10
+_NEAR, _NEAR_BLOCKS = 6, 4  # nodes that a point may begin from, and where they are looked for
+_AT_ONCE = 64  # sources, so that their rows of all nodes fit into a small memory
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -31,7 +33,12 @@ class Lattice:
         self._tolerance_m = 0.5 * space.cell_m
         self.points, self._node_of_block = self._nodes()
         self._bends: dict[tuple[int, int], np.ndarray] = {}
-        self._edges = self._connect()
+        self._xy: tuple[list[float], list[float]] = (
+            self.points[:, 0].tolist(),
+            self.points[:, 1].tolist(),
+        )
+        self._pairs = self._connect()
+        self._edges = _lists(len(self.points), *self._pairs)
 
     def clear(self, a: np.ndarray, b: np.ndarray, need_m: float | None = None) -> bool:
         """True if the robot can drive straight from `a` to `b` (cells)."""
@@ -47,14 +54,27 @@ class Lattice:
 
     def node_at(self, point: np.ndarray) -> int:
         """The nearest node, one in plain view of `point` if there is any among the nearest."""
-        far = np.hypot(self.points[:, 0] - point[0], self.points[:, 1] - point[1])
-        near = (
-            np.argsort(far, kind="stable")[:6] if len(far) > 6 else np.argsort(far, kind="stable")
-        )
+        near = self._nearest(point)
         for node in near:
             if self.clear(point, self.points[node]):
                 return int(node)
         return int(near[0])
+
+    def _nearest(self, point: np.ndarray) -> np.ndarray:
+        """The nearest nodes, at most `_NEAR`, in order: from the blocks around if they suffice."""
+        number, reach = self._node_of_block, _NEAR_BLOCKS
+        column, row = int(point[0]) // self._block, int(point[1]) // self._block
+        part = number[max(0, row - reach) : row + reach + 1, max(0, column - reach) :]
+        nodes = part[:, : column + reach + 1 - max(0, column - reach)].ravel()
+        nodes, far = self._by_distance(nodes[nodes >= 0], point)
+        if len(nodes) < _NEAR or far[_NEAR - 1] > (reach - 1) * self._block:
+            nodes, _ = self._by_distance(np.arange(len(self.points)), point)
+        return nodes[:_NEAR]
+
+    def _by_distance(self, nodes: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        far = np.hypot(self.points[nodes, 0] - point[0], self.points[nodes, 1] - point[1])
+        order = np.argsort(far, kind="stable")
+        return nodes[order], far[order]
 
     def search(
         self, source: int, stop: Callable[[int, float], bool]
@@ -79,27 +99,64 @@ class Lattice:
                     heapq.heappush(heap, (total, other))
         return done, parent
 
-    def distances(self, sources: np.ndarray, limit_cells: float) -> np.ndarray:
-        """Costs (len(sources), nodes) of ways from some nodes to all; inf beyond a limit."""
+    def distances(self, sources: np.ndarray, targets: np.ndarray, limit_cells: float) -> np.ndarray:
+        """Costs (len(sources), len(targets)) of ways between nodes; inf beyond a limit."""
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
 
-        count = np.array([len(edges) for edges in self._edges])
-        flat = np.array([edge for edges in self._edges for edge in edges]).reshape(-1, 2)
-        starts = np.concatenate([[0], np.cumsum(count)])
-        shape = (len(count), len(count))
-        graph = csr_array((flat[:, 1], flat[:, 0].astype(np.int32), starts), shape=shape)
-        return np.asarray(dijkstra(graph, indices=sources, limit=limit_cells))
+        # A way that is short enough does not leave the box around its ends by more than half of it.
+        ends = self.points[np.concatenate([sources, targets])]
+        low, high = ends.min(axis=0) - limit_cells / 2.0, ends.max(axis=0) + limit_cells / 2.0
+        inside = ((self.points >= low) & (self.points <= high)).all(axis=1)
+        number = np.cumsum(inside) - 1
+        pair, cost = self._pairs
+        kept = inside[pair].all(axis=1)
+        index = number[pair[kept]].T.astype(np.int32)
+        size = int(np.count_nonzero(inside))
+        graph = csr_array((cost[kept], index), shape=(size, size))
+        parts = [
+            dijkstra(graph, directed=False, indices=part, limit=limit_cells)[:, number[targets]]
+            for part in np.array_split(number[sources], max(1, len(sources) // _AT_ONCE))
+        ]
+        return np.concatenate(parts)
 
     def route(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
         """Waypoints (n, 2) in cells from `start` to `goal`, both included; None if cut off."""
         if self.clear(start, goal):
             return np.array([start, goal])
         source, target = self.node_at(start), self.node_at(goal)
-        done, parent = self.search(source, lambda node, _: node == target)
-        if target not in done:
+        parent = self._to_target(source, target)
+        if target not in parent:
             return None
         return self.pulled(start, self.trace(parent, target), goal)
+
+    def _to_target(self, source: int, target: int) -> dict[int, int]:
+        """Parents on the cheapest way to one node; an edge never costs less than its length.
+
+        A* (Hart, Nilsson and Raphael, IEEE Trans. SSC 1968) with the straight line for an estimate.
+        """
+        x, y = self._xy
+        to_x, to_y = x[target], y[target]
+        cost, parent = {source: 0.0}, {source: source}
+        done: set[int] = set()
+        heap = [(math.hypot(x[source] - to_x, y[source] - to_y), source)]
+        edges = self._edges
+        while heap:
+            _, node = heapq.heappop(heap)
+            if node in done:
+                continue
+            if node == target:
+                break
+            done.add(node)
+            reached = cost[node]
+            for other, length in edges[node]:
+                total = reached + length
+                if total < cost.get(other, math.inf):
+                    cost[other] = total
+                    parent[other] = node
+                    ahead = math.hypot(x[other] - to_x, y[other] - to_y)
+                    heapq.heappush(heap, (total + ahead, other))
+        return parent
 
     def trace(self, parent: dict[int, int], target: int) -> list[int]:
         """Nodes from the search's source to `target`."""
@@ -159,8 +216,8 @@ class Lattice:
         number[y, x] = np.arange(len(x))
         return points, number
 
-    def _connect(self) -> list[list[tuple[int, float]]]:
-        """Neighbours and costs of each node: length, dearer near matter."""
+    def _connect(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs (n, 2) of neighbours and their costs (n,): length, dearer near matter."""
         space, number = self._space, self._node_of_block
         rows, columns = number.shape
         pairs = []
@@ -182,11 +239,7 @@ class Lattice:
         length = np.hypot(*(self.points[pair[:, 0]] - self.points[pair[:, 1]]).T)
         tight = np.clip((self._soft_m - room) / (self._soft_m - space.need_m), 0.0, 1.0)
         cost = length * (1.0 + tight)
-        edges: list[list[tuple[int, float]]] = [[] for _ in range(len(self.points))]
-        for i, j, c in zip(*pair.T.tolist(), cost.tolist(), strict=True):
-            edges[i].append((j, c))
-            edges[j].append((i, c))
-        return edges
+        return pair, cost
 
     def _bend(self, pairs: np.ndarray) -> np.ndarray:
         """Those pairs of neighbours that touch although no straight line joins them."""
@@ -208,3 +261,12 @@ class Lattice:
                 )
                 touching.append((i, j))
         return np.array(touching, np.int64).reshape(-1, 2)
+
+
+def _lists(count: int, pair: np.ndarray, cost: np.ndarray) -> list[list[tuple[int, float]]]:
+    """Neighbours and costs of each node."""
+    edges: list[list[tuple[int, float]]] = [[] for _ in range(count)]
+    for i, j, c in zip(*pair.T.tolist(), cost.tolist(), strict=True):
+        edges[i].append((j, c))
+        edges[j].append((i, c))
+    return edges

@@ -21,7 +21,6 @@ from robot.planning.path import Lattice
 
 _LANES_LATER_M = 0.4
 _JOIN_M = 0.30  # a way that begins within this may be joined as far along it
-_SLACK_M = 0.8  # how much farther than the nearest entry others are still compared
 
 
 def tour(
@@ -54,7 +53,6 @@ class _Tour:
         self._space = space
         self._turn = planning.turn_cost_m / space.cell_m / (math.pi / 2.0)
         self._later = _LANES_LATER_M / space.cell_m
-        self._slack = _SLACK_M / space.cell_m
         self._reward = math.inf  # cells of way for a cell of floor
         if planning.worth_m2_per_m > 0.0:
             self._reward = space.cell_m / planning.worth_m2_per_m
@@ -135,11 +133,12 @@ class _Tour:
             return None
         best: tuple[float, int, int] | None = None
         worth = self._worth(left, whole_areas=trip)
+        farthest = max(worth.values())
 
         def stop(node: int, cost: float) -> bool:
             nonlocal best
-            if best is not None and cost > best[0] + self._slack:
-                return True
+            if cost > farthest or (best is not None and cost >= best[0]):
+                return True  # what lies farther cannot be cheaper
             for piece, way in self._entries.get(node, ()):
                 if piece not in left or cost > worth[piece]:
                     continue
