@@ -143,7 +143,7 @@ def _verb(
 def _add_run_options(verb: argparse.ArgumentParser) -> None:
     verb.set_defaults(frames=False)
     verb.add_argument("--body", choices=("sim", "live"), default="sim", help="default: sim")
-    verb.add_argument("--scene", default="flat", help="built-in scene, TOML, GLB or OBJ (sim)")
+    verb.add_argument("--scene", default="flat", help="name, random:SEED, TOML, GLB or OBJ (sim)")
     verb.add_argument("--seed", type=int, default=1, help="of every chance in the simulator")
     verb.add_argument("--duration-s", type=float, help="end after this much robot time")
     verb.add_argument("--config", type=Path, help="TOML file with differences to the defaults")

@@ -52,6 +52,26 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return tuple(seeds)
 
 
+def parse_scenes(text: str) -> tuple[str, ...]:
+    """Names and files by commas; "all" is every built-in one, "random:3-7" five homes by seed.
+
+    Raises SweeperError.
+    """
+    from robot.sim.scene import RANDOM, builtin_scenes
+
+    scenes: list[str] = []
+    for name in filter(None, (part.strip() for part in text.split(","))):
+        if name == "all":
+            scenes += builtin_scenes()
+        elif name.startswith(RANDOM) and "-" in name:
+            scenes += [f"{RANDOM}{seed}" for seed in parse_seeds(name.removeprefix(RANDOM))]
+        else:
+            scenes.append(name)
+    if not scenes:
+        raise SweeperError(f'--scenes {text}: give names or files, like "flat,random:1-5", or all.')
+    return tuple(scenes)
+
+
 def bench_home(options: HomeOptions, config: Config) -> dict[str, Any]:
     """All runs, in the order of scenes and seeds: `{"runs": [summary], "mean": {...}}`.
 

@@ -99,7 +99,9 @@ def add_verbs(benches: Any, verb: AddVerb, write_json: Callable[[str | None, Any
     faults.add_argument("--jobs", type=int, default=1, metavar="N", help="side by side")
 
     home = add("home", "whole cleaning runs in simulated homes, side by side", _home)
-    home.add_argument("--scenes", default="flat", metavar="LIST", help="names or files, by commas")
+    home.add_argument(
+        "--scenes", default="flat", metavar="LIST", help="names, files, random:1-5, by commas; all"
+    )
     home.add_argument("--seeds", default="1-5", metavar="LIST", help='like "1,3,10-12"')
     home.add_argument("--duration-s", type=float, help="end each run after this much robot time")
     home.add_argument("--drawn", action="store_true", help="draw sights, without pictures")
@@ -174,10 +176,10 @@ def _faults(arguments: argparse.Namespace) -> Result:
 
 
 def _home(arguments: argparse.Namespace) -> Result:
-    from robot.bench.home import HomeOptions, bench_home, parse_seeds
+    from robot.bench.home import HomeOptions, bench_home, parse_scenes, parse_seeds
 
     options = HomeOptions(
-        tuple(name for name in arguments.scenes.split(",") if name),
+        parse_scenes(arguments.scenes),
         parse_seeds(arguments.seeds),
         drawn=arguments.drawn,
         duration_s=arguments.duration_s,

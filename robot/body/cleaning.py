@@ -41,7 +41,8 @@ from robot.hardware.wheels import open_wheels
 from robot.log.header import LogHeader
 from robot.run import never, run
 
-MAX_SIM_S = 1800.0  # a simulated clean that takes longer has lost its way
+MAX_SIM_S = 1800.0  # a simulated clean that takes longer has lost its way,
+MAX_SIM_S_PER_M2 = 120.0  # or than this in a larger home
 WEEK_S = 7 * 24 * 3600.0  # of waiting for requests
 
 
@@ -158,7 +159,7 @@ def _simulated(
         firmware,
         eyes,
         observer,
-        duration_s=options.duration_s or (WEEK_S if options.wait and options.socket else MAX_SIM_S),
+        duration_s=options.duration_s or _longest_s(options, judge),
         record_frames=options.frames,
         real_time=options.real_time,
         start=not options.wait,
@@ -166,6 +167,13 @@ def _simulated(
     )
     stack.callback(body.close)
     return body
+
+
+def _longest_s(options: RunOptions, judge: Judge) -> float:
+    """When a run without a wish of its own ends at the latest."""
+    if options.wait and options.socket:
+        return WEEK_S
+    return max(MAX_SIM_S, MAX_SIM_S_PER_M2 * judge.floor.area_m2)
 
 
 def _eyes(options: RunOptions, config: Config, judge: Judge, onlookers: Onlookers) -> Eyes:
@@ -214,7 +222,8 @@ def _live(
 
 def _new_folder(options: RunOptions) -> Path:
     """Make `out/<time>-<what>` and let `out/latest` point to it; others may run beside."""
-    what = f"{Path(options.scene).stem}-{options.seed}" if options.body == "sim" else "live"
+    scene = Path(options.scene).stem.replace(":", "-")
+    what = f"{scene}-{options.seed}" if options.body == "sim" else "live"
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     try:
         options.out.mkdir(parents=True, exist_ok=True)

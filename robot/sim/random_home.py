@@ -162,8 +162,7 @@ def _stairs(
         x0, y0 = whole.x1 - wide if x else whole.x0, whole.y1 - long if y else whole.y0
         rect = Rect(round(x0, 3), round(y0, 3), round(x0 + wide, 3), round(y0 + long, 3))
         if rect.within(room) and not any(rect.grown(0.3).meets(zone) for zone in zones):
-            down = "+y" if y else "-y"
-            return CliffTable(x=(rect.x0, rect.x1), y=(rect.y0, rect.y1), down=down)
+            return CliffTable(x=(rect.x0, rect.x1), y=(rect.y0, rect.y1), down="+y" if y else "-y")
     return None
 
 

@@ -25,7 +25,7 @@ class Strict(Struct, frozen=True, forbid_unknown_fields=True):
     """A table of a scene file."""
 
 
-class RoomTable(Strict):
+class RoomTable(Strict, frozen=True):
     """A rectangle of floor and ceiling."""
 
     x: Span
@@ -34,7 +34,7 @@ class RoomTable(Strict):
     lamp: bool = True
 
 
-class WallTable(Strict):
+class WallTable(Strict, frozen=True):
     """A straight wall; `doors` are (distance along it of the middle, width)."""
 
     start: Point
@@ -43,7 +43,7 @@ class WallTable(Strict):
     doors: list[Span] = []
 
 
-class FurnitureTable(Strict):
+class FurnitureTable(Strict, frozen=True):
     """One piece."""
 
     kind: str
@@ -54,7 +54,7 @@ class FurnitureTable(Strict):
     bottom: float = 0.0
 
 
-class CliffTable(Strict):
+class CliffTable(Strict, frozen=True):
     """A rectangle without floor; stairs go `down` there."""
 
     x: Span
@@ -62,14 +62,14 @@ class CliffTable(Strict):
     down: Literal["+x", "-x", "+y", "-y"] = "+x"
 
 
-class DockTable(Strict):
+class DockTable(Strict, frozen=True):
     """Where the marker's face is, and where it looks."""
 
     at: Point
     yaw_deg: float
 
 
-class SceneTable(Strict):
+class SceneTable(Strict, frozen=True):
     """A scene file."""
 
     dock: DockTable

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import pytest
 
-from robot.bench.home import HomeOptions, bench_home, parse_seeds
+from robot.bench.home import HomeOptions, bench_home, parse_scenes, parse_seeds
 from robot.config import Config
 from robot.errors import SceneError, SweeperError
 
@@ -52,3 +52,12 @@ def test_a_cluster_gives_the_same(tmp_path):
 def test_an_unknown_scene_is_named(tmp_path):
     with pytest.raises(SceneError, match="no-such"):
         bench_home(HomeOptions(("no-such",), (1,), out=tmp_path), Config())
+
+
+def test_scenes_are_names_files_and_homes_by_seed():
+    assert parse_scenes("flat, my/home.toml") == ("flat", "my/home.toml")
+    assert parse_scenes("random:8-10,random:3") == ("random:8", "random:9", "random:10", "random:3")
+    assert set(parse_scenes("all")) >= {"flat", "villa"}
+    for wrong in ("", ",", "random:x-3"):
+        with pytest.raises(SweeperError):
+            parse_scenes(wrong)
