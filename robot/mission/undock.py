@@ -13,6 +13,7 @@ from robot.mission.state import Latch, Situation, State, Step, seconds
 TIMEOUT_S = 20.0
 DOCK_DEPTH_M = 0.10  # so much of its sides is marked; the wall behind it is seen
 MARK_EVERY_M = 0.02
+KNOWN_M2 = 4.0  # so much free floor is not seen on the way out of a dock
 
 
 class Undock(State):
@@ -46,6 +47,8 @@ class Undock(State):
             now.sight.learn(now.t_ns, docked)
             if now.run.errand is not None:
                 return Step(then="work", reason="out of the dock")
+            if now.known_free_m2 >= KNOWN_M2:
+                return Step(then="work", reason="out of the dock, and the home is known")
             return Step(then="look", reason="out of the dock, looking around")
         return Step(Wish(-now.control.back_mps, 0.0, reason="backing out of the dock"))
 
