@@ -195,13 +195,10 @@ class LandmarkFilter(ExtendedKalmanFilter):
         must follow p: P becomes (I + s e^T) P (I + e s^T), where the swing s is i times the way
         that each position went, and e picks the heading.
         """
-        turn = 1j * float(change[YAW])
-        bend = (cmath.exp(turn) - 1.0) / turn if abs(turn) > 1e-6 else 1.0 + 0.5 * turn
+        self._bend(change)
         swing = np.zeros_like(change)
-        for part in (slice(0, 2), MARKER, slice(FIRST_LANDMARK, None)):
-            moved = change[part][: len(change[part]) // 2 * 2].view(complex)
-            moved *= bend
-            swing[part][: 2 * len(moved)].view(complex)[:] = 1j * moved
+        for part in _positions(change):
+            swing[part].view(complex)[:] = 1j * change[part].view(complex)
         yaw = self.head()[YAW, YAW]
         row = self._store[YAW] + (0.5 * yaw) * swing
         dsyr2(1.0, swing, row, a=self._store.T, lower=1, overwrite_a=1)
@@ -212,6 +209,28 @@ class LandmarkFilter(ExtendedKalmanFilter):
         self.P[POSE] = 0.0
         self.P[:, POSE] = 0.0
         self.P[POSE, POSE] = cov
+
+    def bend(self, turn_rad: float) -> tuple[complex, complex]:
+        """What a position's change is multiplied by when the heading's is `turn_rad`; its slope."""
+        if not self._invariant:
+            return 1.0 + 0j, 0j
+        turn = 1j * turn_rad
+        if abs(turn) < 1e-4:
+            return 1.0 + 0.5 * turn, 1j * (0.5 + turn / 3.0)
+        grown = cmath.exp(turn)
+        return (grown - 1.0) / turn, 1j * (turn * grown - grown + 1.0) / turn**2
+
+    def _bend(self, change: np.ndarray) -> None:
+        """Make a change (n or more,) that the gain gives the way that each entry goes."""
+        factor, _ = self.bend(float(change[YAW]))
+        for part in _positions(change):
+            change[part].view(complex)[:] *= factor
+
+    def changed(self, change: np.ndarray) -> np.ndarray:
+        """The state (n,) after a change (n,) that the gain gives; this one stays as it is."""
+        gone = change.copy()
+        self._bend(gone)
+        return self.x + gone
 
     def inflate(self, cov: np.ndarray) -> None:
         """Add `cov` (3, 3) to the pose's covariance: motion the odometry did not feel."""
@@ -278,6 +297,11 @@ class LandmarkFilter(ExtendedKalmanFilter):
     def _wrap(self) -> None:
         self.x[YAW] = wrap_angle(float(self.x[YAW]))
         self.x[MARKER_YAW] = wrap_angle(float(self.x[MARKER_YAW]))
+
+
+def _positions(entries: np.ndarray) -> tuple[slice, slice, slice]:
+    """Where pairs of x and y stand among the entries (n,) of a state."""
+    return slice(0, 2), slice(7, 9), slice(FIRST_LANDMARK, len(entries))
 
 
 def _roomy(cov: np.ndarray, size: int) -> np.ndarray:

@@ -14,12 +14,15 @@ import numpy as np
 from robot.slam.association import mahalanobis, quadratic
 from robot.slam.compatibility import PairTable, joint_compatibility
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
+from robot.slam.iterated import iterated_update
 from robot.slam.motion import compose
 from robot.slam.sensor import expected, locate, residual, sights_of
 from robot.slam.velocity import Velocities, VelocityNoise, velocity_increment
 
 CHI2_2_99 = 9.21  # 99 % of two degrees of freedom
-_ABSURD_CHI2 = 60.0  # a named sight so far off measures nothing
+_ABSURD_CHI2 = 13.8  # 99.9 %: a named sight so far off carries a wrong name
+_READINGS = 2  # of a name in the same place, before it stays a landmark or makes a leap:
+_BOLD = 100.0  # what tells so much more than the filter knows
 _T_DOF = 4.0  # of Student's distribution, which weighs outliers down
 _REFUSALS = 5
 _WANDER_M = 0.02  # between two sights of a candidate the pose errs about so much
@@ -161,8 +164,31 @@ class Survey:
             sight, landmark = sight[kept], landmark[kept]
         columns, jacobian, predicted = self._linearise(landmark)
         _, shared = self.ekf.innovation(columns, jacobian)
+        if names is not None:
+            sure = self._confirmed(sights, cov, sight, landmark, shared)
+            sight, landmark, predicted = sight[sure], landmark[sure], predicted[sure]
+            rows = (2 * np.flatnonzero(sure)[:, None] + np.arange(2)).reshape(-1)
+            shared = shared[np.ix_(rows, rows)]
         away = residual(sights[sight], predicted)
         return PairTable(sight, landmark, away, shared, cov[sight]), near
+
+    def _confirmed(
+        self,
+        sights: np.ndarray,
+        cov: np.ndarray,
+        sight: np.ndarray,
+        landmark: np.ndarray,
+        shared: np.ndarray,
+    ) -> np.ndarray:
+        """Mask (p,) of the named pairs that are no leap, or were read before in the same place."""
+        p = len(sight)
+        own = shared.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + cov[sight]
+        sure = np.linalg.det(own) < _BOLD**2 * np.linalg.det(cov[sight])
+        places, _, by_sight = locate(self.ekf.x[POSE], sights[sight])
+        spread = by_sight @ cov[sight] @ by_sight.transpose(0, 2, 1)
+        for k in np.flatnonzero(~sure).tolist():
+            sure[k] = self._ripe(places[k], spread[k], self.known[int(landmark[k])].name)
+        return np.asarray(sure)
 
     def _plausible(self, landmark: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """Which named sights (p,) can be true; a landmark refused too often was placed wrongly."""
@@ -199,7 +225,10 @@ class Survey:
         each = np.arange(len(chosen))
         chi2 = quadratic(away, shared[each, :, each] + noise)
         noise /= ((_T_DOF + 2.0) / (_T_DOF + chi2)).clip(max=1.0)[:, None, None]
-        self.ekf.update(columns, jacobian, away, noise)
+        if self._named:
+            iterated_update(self.ekf, lambda: self._linearise(landmark), sights[sight], noise)
+        else:  # a leap on the strength of a guessed name is better a short one
+            self.ekf.update(columns, jacobian, away, noise)
         met = {self.known[int(j)].name for j in landmark}
         for j in landmark.tolist():
             self.known[j].sights += 1
@@ -250,7 +279,7 @@ class Survey:
             candidate.cov = candidate.cov - gain @ candidate.cov + _WANDER_M**2 * np.eye(2)
             candidate.count += 1
             candidate.last_s = self.t_s
-            if candidate.count >= self._settings.confirmations:
+            if candidate.count >= (_READINGS if self._named else self._settings.confirmations):
                 self._candidates.remove(candidate)
                 return True
             return False
@@ -268,5 +297,7 @@ class Survey:
         assert self.t_s is not None
         s = self._settings
         if self._named:
-            return landmark.refused < _REFUSALS
+            read_again = landmark.sights >= _READINGS
+            fresh = self.t_s - landmark.last_s < s.confirm_within_s
+            return landmark.refused < min(_REFUSALS, landmark.sights) and (read_again or fresh)
         return landmark.sights >= s.ghost_sights or self.t_s - landmark.last_s < s.ghost_after_s

@@ -114,3 +114,16 @@ def test_a_name_placed_by_a_false_sight_is_placed_anew() -> None:
         survey.move(0.5 * k)
         survey.see(right, np.array([7]))
     assert survey.ekf.landmarks()[0] == pytest.approx([1.99, 0.2], abs=0.05)
+
+
+def test_a_name_read_wrongly_once_leaves_nothing_behind() -> None:
+    orders, frames, truth = draw_course(10, 60.0)
+    rng = np.random.default_rng(10)
+    survey, track = Survey(SETTINGS, orders, named=True), []
+    for t_s, polar, names in frames:
+        wrong = rng.uniform(size=len(names)) < 0.1
+        survey.move(t_s)
+        survey.see(polar, np.where(wrong, rng.integers(6, 18, len(names)), names))
+        track.append(survey.pose()[0])
+    assert rms_m(np.array(track), truth[:, 1:]) < 0.1
+    assert len({landmark.name for landmark in survey.known}) == len(survey.known) <= 12
