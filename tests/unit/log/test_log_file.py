@@ -333,7 +333,10 @@ def test_a_cut_log_is_recovered(
 
 def test_nothing_is_recovered_from_behind_a_gap(log_path: Path, tmp_path: Path) -> None:
     data = bytearray(log_path.read_bytes())
-    data[len(data) // 3] ^= 0xFF
+    with log_path.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    chunk = chunks[len(chunks) // 3]
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0xFF
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data)
     result = recover(damaged, tmp_path / "saved.mcap")

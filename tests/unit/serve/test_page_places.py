@@ -27,6 +27,7 @@ def drag(page, start, end):
       return [b.left + m.width / 2 + (x - m.centre.x) * m.scale,
               b.top + m.height / 2 - (y - m.centre.y) * m.scale];
     }"""
+    page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
     page.mouse.move(*page.evaluate(at, start))
     page.mouse.down()
     page.mouse.move(*page.evaluate(at, end), steps=4)
