@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from importlib import resources
 from typing import Any
 
-import numpy as np
 from msgspec import structs
 
 from robot.bench.trial import Trial, box
@@ -215,18 +214,7 @@ def _lift(trial: Trial) -> None:
 
 def _put_down_later(trial: Trial, since_s: float) -> None:
     if since_s > 3.0 and trial.base.wheel_drop:
-        trial.base.carry_to(_elsewhere(trial))
-
-
-def _elsewhere(trial: Trial) -> SE2:
-    """A free place at least a metre away, any heading."""
-    floor = trial.world.reachable(trial.config.robot)
-    rows, columns = np.nonzero(floor.centres)
-    x = floor.origin_x_m + (columns + 0.5) * floor.resolution_m
-    y = floor.origin_y_m + (rows + 0.5) * floor.resolution_m
-    far = np.flatnonzero(np.hypot(x - trial.pose.x_m, y - trial.pose.y_m) > 1.0)
-    k = int(trial.rng.choice(far))
-    return SE2(float(x[k]), float(y[k]), float(trial.rng.uniform(-math.pi, math.pi)))
+        trial.base.carry_to(trial.elsewhere())
 
 
 def _away_from_dock(trial: Trial) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from robot.bench.trial import Trial
 from robot.config import Config
-from robot.geometry.se2 import SE2, wrap_angle
+from robot.geometry.se2 import wrap_angle
 from robot.home import Home
 
 CALM_S = 12.0  # of knowing where it is, before it is carried away
@@ -23,7 +23,6 @@ AIR_S = 2.0
 LIMIT_S = 45.0  # then it will not find itself any more
 RIGHT_M, RIGHT_RAD = 0.3, 0.3
 DETECT_S = 5.0  # an unnoticed carry may stay unnoticed for so long
-FAR_M = 1.0
 
 
 @dataclass
@@ -81,7 +80,7 @@ class _Script:
             self._put(trial, t_s, lifted=False)
 
     def _put(self, trial: Trial, t_s: float, lifted: bool) -> None:
-        trial.base.carry_to(_elsewhere(trial))
+        trial.base.carry_to(trial.elsewhere())
         self.sure_since_s = math.inf
         self.carries.append(Carry(lifted, t_s, 0.0 if lifted else None))
 
@@ -152,17 +151,6 @@ def _summary(carries: list[Carry]) -> dict[str, Any]:
         "found_within_20_s_pct": round(100.0 * sum(f <= 20.0 for f in found) / len(carries), 1),
         "confidently_wrong": sum(c.wrong_s > 0.0 for c in carries),
     }
-
-
-def _elsewhere(trial: Trial) -> SE2:
-    """A free place at least a metre away, any heading."""
-    floor = trial.world.reachable(trial.config.robot)
-    rows, columns = np.nonzero(floor.centres)
-    x = floor.origin_x_m + (columns + 0.5) * floor.resolution_m
-    y = floor.origin_y_m + (rows + 0.5) * floor.resolution_m
-    far = np.flatnonzero(np.hypot(x - trial.pose.x_m, y - trial.pose.y_m) > FAR_M)
-    k = int(trial.rng.choice(far))
-    return SE2(float(x[k]), float(y[k]), float(trial.rng.uniform(-math.pi, math.pi)))
 
 
 def _percentile(values: list[float], share: float) -> float | None:

@@ -6,6 +6,7 @@ A script is asked at every tick: it may break the robot or its world, and ask it
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -40,6 +41,7 @@ from robot.sim.scene import load_scene
 from robot.sim.world import World
 
 NS = 1_000_000_000
+ELSEWHERE_M = 1.0  # at least so far away
 Script = Callable[["Trial", float], None]
 
 
@@ -86,6 +88,16 @@ class Trial:
     def pose(self) -> SE2:
         """Where it truly is."""
         return self.base.world_from_base
+
+    def elsewhere(self) -> SE2:
+        """A free place at least a metre away, any heading."""
+        floor = self.world.reachable(self.config.robot)
+        rows, columns = np.nonzero(floor.centres)
+        x = floor.origin_x_m + (columns + 0.5) * floor.resolution_m
+        y = floor.origin_y_m + (rows + 0.5) * floor.resolution_m
+        far = np.flatnonzero(np.hypot(x - self.pose.x_m, y - self.pose.y_m) > ELSEWHERE_M)
+        k = int(self.rng.choice(far))
+        return SE2(float(x[k]), float(y[k]), float(self.rng.uniform(-math.pi, math.pi)))
 
     def ask(self, verb: str, *args: str) -> None:
         """Hand a request over at the next tick."""

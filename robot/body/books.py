@@ -7,7 +7,6 @@ of their own, each under another name first, so that a power cut leaves the old 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
@@ -17,6 +16,7 @@ from typing import Any
 from robot.body.base import EventLog
 from robot.body.control import ControlSocket
 from robot.body.schedule import Schedule, due
+from robot.body.store import write_whole
 from robot.errors import ConfigError, RequestError
 from robot.messages import Answer, Command, DriveCommand, Event, MissionState, Request
 
@@ -247,11 +247,6 @@ def _write(path: Path, text: str) -> None:
     """The whole new file, or the old one stays. A full card must not stop the robot."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_suffix(".new")
-        with open(beside, "w", encoding="utf-8") as file:
-            file.write(text + "\n")
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
+        write_whole(path, f"{text}\n".encode())
     except OSError:
         return

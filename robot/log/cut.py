@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from mcap.records import Chunk, Message
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 
 from robot.errors import LogError
-from robot.log.header import METADATA_NAME
 from robot.log.reader import LogReader
-from robot.log.recover import Copier, Recovered, copy_chunks
+from robot.log.recover import Copier, Recovered, copy_chunks, create_copy
 
 NS = 1_000_000_000
 PICTURES = ("/camera/", "/frame/")
@@ -56,19 +55,10 @@ def cut(
         raise LogError(f"a cut from {start_s} s to {end_s} s is empty; give 0 <= FROM < TO.")
     with LogReader(path) as log:
         metadata, library = log.header.to_metadata(), f"sweeper {log.header.software}"
-    try:
-        target = open(out, "xb")  # noqa: SIM115 (closed below)
-    except OSError as error:
-        raise LogError(
-            f"{out}: cannot be created ({error.strerror}); give a new file in a writable folder."
-        ) from None
-    with target:
-        writer = Writer(target, chunk_size=1 << 18, compression=CompressionType.ZSTD)
-        writer.start(profile="sweeper", library=library)
-        writer.add_metadata(METADATA_NAME, {**metadata, "extra.cut": f"{start_s} to {end_s} s"})
+    metadata["extra.cut"] = f"{start_s} to {end_s} s"
+    with create_copy(out, library, metadata) as writer:
         cutter = _Cutter(writer, start_s, end_s, pictures=pictures)
         chunks, problem = copy_chunks(Path(path), cutter)
-        writer.finish()
     if not cutter.messages:
         Path(out).unlink()
         raise LogError(f"{path}: nothing lies between {start_s} s and {end_s} s; see `log info`.")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +42,15 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
     with LogReader(path) as log:  # refuses what has no header
         metadata = log.header.to_metadata()
         library = f"sweeper {log.header.software}"
+    with create_copy(out, library, metadata) as writer:
+        copier = Copier(writer)
+        chunks, problem = copy_chunks(Path(path), copier)
+    return Recovered(copier.messages, chunks, copier.seconds, problem)
+
+
+@contextmanager
+def create_copy(out: Path | str, library: str, metadata: dict[str, str]) -> Iterator[Writer]:
+    """The writer of a new log that is a copy; finished at the end. Raises LogError."""
     try:
         target = open(out, "xb")  # noqa: SIM115 (closed below)
     except OSError as error:
@@ -50,10 +61,8 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
         writer = Writer(target, chunk_size=1 << 18, compression=CompressionType.ZSTD)
         writer.start(profile="sweeper", library=library)
         writer.add_metadata(METADATA_NAME, metadata)
-        copier = Copier(writer)
-        chunks, problem = copy_chunks(Path(path), copier)
+        yield writer
         writer.finish()
-    return Recovered(copier.messages, chunks, copier.seconds, problem)
 
 
 def copy_chunks(path: Path, copier: Copier) -> tuple[int, str]:
