@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from models.data.shards import decode_disparity
 
 CROP = (192, 256)
+ZOOMED = 0.5  # share of the pairs that are resized to the crop's size
+SMALLEST = 0.7  # side of the smallest window that is enlarged to it
 
 
 class Shards:
@@ -47,12 +50,23 @@ class Shards:
 def augment(
     rng: np.random.Generator, images: np.ndarray, disparity: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Random crop, flip and exposure, equal for both eyes: float32 grey 0..255 and px."""
-    top = int(rng.integers(0, images.shape[1] - CROP[0] + 1))
-    start = int(rng.integers(0, images.shape[2] - CROP[1] + 1))
-    window = (slice(top, top + CROP[0]), slice(start, start + CROP[1]))
+    """Random window, flip and exposure, equal for both eyes: float32 grey 0..255 and px.
+
+    Some windows are resized, across and along by different factors: disparity grows with width.
+    """
+    height, width = CROP
+    if rng.random() < ZOOMED:
+        height = int(rng.uniform(SMALLEST * height, images.shape[1]))
+        width = int(rng.uniform(SMALLEST * width, images.shape[2]))
+    top = int(rng.integers(0, images.shape[1] - height + 1))
+    start = int(rng.integers(0, images.shape[2] - width + 1))
+    window = (slice(top, top + height), slice(start, start + width))
     grey: np.ndarray = images[:, window[0], window[1]].astype(np.float32)
     truth = disparity[window]
+    if (height, width) != CROP:
+        grey = np.stack([cv2.resize(eye, CROP[::-1]) for eye in grey])
+        scale = np.float32(CROP[1] / width)
+        truth = scale * cv2.resize(truth, CROP[::-1], interpolation=cv2.INTER_NEAREST)
     if rng.random() < 0.25:
         grey, truth = grey[:, ::-1], truth[::-1]
     if rng.random() < 0.4:

@@ -2,6 +2,7 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 
@@ -92,12 +93,27 @@ def test_batches_depend_only_on_seed_and_step(folder):
 
 def test_augmenting_treats_both_eyes_alike():
     images = np.repeat(np.random.default_rng(0).integers(0, 256, (1, 240, 320)), 2, 0)
+    truth = np.arange(240 * 320, dtype=np.float32).reshape(240, 320)
     for seed in range(8):
-        truth = np.arange(240 * 320, dtype=np.float32).reshape(240, 320)
         grey, cut = augment(np.random.default_rng(seed), images, truth)
         np.testing.assert_array_equal(grey[0], grey[1])
+        assert grey.shape == (2, 192, 256) and cut.shape == (192, 256)
         assert grey.min() >= 0 and grey.max() <= 255
-        assert abs(cut[0, 1] - cut[0, 0]) == 1 and abs(cut[1, 0] - cut[0, 0]) == 320
+
+
+def test_a_resized_window_still_matches_by_its_disparity():
+    pixel = np.random.default_rng(0).normal(size=(240, 400))
+    scene = np.clip(cv2.GaussianBlur(pixel, (0, 0), 4.0) * 600 + 128, 0, 255)
+    images = np.stack([scene[:, 20:340], scene[:, 28:348]])  # right(x - 8) = left(x)
+    seen = set()
+    for seed in range(12):
+        grey, truth = augment(np.random.default_rng(seed), images, np.full((240, 320), 8.0))
+        disparity = truth[0, 0]
+        seen.add(float(disparity))
+        column = np.arange(20, 256)
+        right = np.stack([np.interp(column - disparity, np.arange(256), row) for row in grey[1]])
+        assert np.median(np.abs(right - grey[0][:, 20:])) < 2.0
+    assert 8.0 in seen and min(seen) < 8.0 < max(seen)
 
 
 def test_training_lowers_the_loss_saves_and_resumes(folder):
