@@ -46,6 +46,7 @@ from robot.mission.drive import matter_near
 from robot.mission.mission import Mission
 from robot.mission.recognise import Recognition
 from robot.mission.room_book import RoomBook
+from robot.mission.settings import Settings
 from robot.mission.slip import SlipWatch
 from robot.mission.state import Situation
 from robot.mission.wheel_only import tells_something
@@ -71,6 +72,7 @@ class Brain:
         self._swept = SweptFloor(config.mapping, config.robot.brush_width_m)
         self._gate = SafetyGate(config.control, config.robot)
         self.notes = MapNotes() if home is None else MapNotes.from_dict(home.notes)
+        self._settings = Settings() if home is None else Settings.from_dict(home.settings)
         margin_m = config.mission.no_go_margin_m
         self._desk = PlanDesk(self._grid, self._swept, self.notes, margin_m)
         self._book = RoomBook(self._grid, self.notes)
@@ -137,8 +139,8 @@ class Brain:
     def home(self) -> Home:
         """All that another run can begin with; only reads."""
         docked, marker = self._sight.world_from_docked, self._sight.docked_from_marker
-        notes = self.notes.to_dict()
-        return Home(self._slam.memory(), self._grid.memory(), docked, marker, notes)
+        drawn, settings = self.notes.to_dict(), self._settings.to_dict()
+        return Home(self._slam.memory(), self._grid.memory(), docked, marker, drawn, settings)
 
     def _locate(self, contact: Contact) -> None:
         """On the dock the pose is known; in somebody's hands it is not."""
@@ -243,6 +245,7 @@ class Brain:
             control=self._config.control,
             config=self._config.mission,
             notes=self.notes,
+            settings=self._settings,
             blind_s=(t_ns - self._sighted_ns) * 1e-9,
             slipping=self._slip.slipping,
             recognised=self._recognition.share,

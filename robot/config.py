@@ -262,7 +262,7 @@ class MissionConfig(Section):
     blind_limit_s: Positive = 150.0
     no_go_margin_m: NotNegative = 0.05  # plans keep so far off what people forbade
     brush: Fraction = 0.8
-    fan: Fraction = 0.8
+    fan: Fraction = 0.8  # at its level "high"
 
 
 class LinkConfig(Section):

@@ -14,7 +14,8 @@ from robot.slam.memory import SlamMemory
 class Home:
     """One map. Everything stands in the same `world`, so that drawings stay where they are.
 
-    `notes` are the drawings of people as plain dictionaries and lists (`MapNotes.to_dict`).
+    `notes` are the drawings of people as plain dictionaries and lists (`MapNotes.to_dict`), and
+    `settings` what they have set (`Settings.to_dict`).
     """
 
     slam: SlamMemory
@@ -22,3 +23,4 @@ class Home:
     world_from_docked: SE2 | None  # None: the dock was never seen
     docked_from_marker: SE2
     notes: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)

@@ -20,6 +20,7 @@ from robot.geometry.se2 import SE2
 from robot.home import Home
 from robot.mapping.grid import GridMemory
 from robot.mapping.notes import MapNotes
+from robot.mission.settings import Settings
 from robot.slam.memory import SlamMemory
 from robot.slam.places import SIGNATURE_BYTES, PlacePoints
 
@@ -52,6 +53,7 @@ def encode_home(home: Home) -> bytes:
         "world_from_docked": _plain(home.world_from_docked),
         "docked_from_marker": _plain(home.docked_from_marker),
         "notes": home.notes,
+        "settings": home.settings,
     }
     file = io.BytesIO()
     members: dict[str, Any] = {n: np.asarray(array, _DTYPE[n]) for n, array in arrays.items()}
@@ -108,6 +110,8 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
     if len(shape) != 2 or max(*shape, abs(ix0), abs(iy0)) > _MAX_CELLS:
         raise ValueError("no grid")
     MapNotes.from_dict(about["notes"], name)
+    settings = about.get("settings", {})  # older files hold none
+    Settings.from_dict(settings, name)
     return Home(
         slam=SlamMemory(
             cov=_symmetric(arrays["slam.cov"], n),
@@ -121,6 +125,7 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
         world_from_docked=_pose(about["world_from_docked"]),
         docked_from_marker=_pose(about["docked_from_marker"]) or SE2(),
         notes=about["notes"],
+        settings=settings,
     )
 
 

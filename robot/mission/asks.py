@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from robot.mission.job import Job, room_job, spot_job, zone_job
 from robot.mission.manual import Manual
 from robot.mission.rest import Done, Error, Idle, Paused
 from robot.mission.room_book import RoomBook
+from robot.mission.settings import FAN_SHARES
 from robot.mission.state import Situation, seconds
 from robot.mission.travel import Return
 from robot.mission.verbs import numbers, understand
@@ -191,6 +193,16 @@ def _locate(mission: Mission, now: Situation, args: Args) -> Reply:
     return Reply(True, "beeping")
 
 
+def _fan(mission: Mission, now: Situation, args: Args) -> Reply:
+    try:
+        if args:
+            now.settings.set_fan(args[0])
+    except RequestError as error:
+        return Reply(False, str(error))
+    data = {"level": now.settings.fan, "levels": list(FAN_SHARES)}
+    return Reply(True, f"the fan's level is {now.settings.fan}", json.dumps(data))
+
+
 def _manual(mission: Mission, now: Situation, args: Args) -> Reply:
     v_mps, yaw_rate_radps = numbers(args)
     why_not = _busy(mission)
@@ -217,4 +229,5 @@ _ACTIONS: dict[str, Callable[[Mission, Situation, Args], Reply]] = {
     "clean zones": _zones,
     "go to": _go_to,
     "manual": _manual,
+    "fan": _fan,
 }

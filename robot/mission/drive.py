@@ -23,8 +23,7 @@ class Drive:
 
     def __init__(self, path: Path, now: Situation, *, cleans: bool) -> None:
         self._follower = Follower(path, now.pose, now.control, now.robot)
-        self._brush = now.config.brush if cleans else 0.0
-        self._fan = now.config.fan if cleans else 0.0
+        self._cleans = cleans
         self._reason = "sweeping" if cleans else "on the way"
         self._stopped_ns: int | None = None
         self._looked_ns = now.t_ns
@@ -56,7 +55,10 @@ class Drive:
                 self.blocked = "the map shows something on the path"
         if self.blocked:
             return halt(self.blocked)
-        return Wish(steering.v_mps, steering.yaw_rate_radps, self._brush, self._fan, self._reason)
+        brush, fan = now.config.brush, now.config.fan * now.settings.fan_share
+        if not self._cleans:
+            brush = fan = 0.0
+        return Wish(steering.v_mps, steering.yaw_rate_radps, brush, fan, self._reason)
 
     def _watch_gate(self, now: Situation, v_mps: float) -> None:
         """Something right before the robot for some time blocks the path."""

@@ -17,6 +17,7 @@ from robot.messages import ClearOrder, Command, Contact, Grid, LinkState
 from robot.mission.desk import PlanDesk
 from robot.mission.dock_sight import DockSight
 from robot.mission.job import Job
+from robot.mission.settings import Settings
 from robot.mission.trail import Trail
 
 CLEAR_EVERY_S = 0.3
@@ -71,6 +72,7 @@ class Situation:
     control: ControlConfig
     config: MissionConfig
     notes: MapNotes = field(default_factory=MapNotes)
+    settings: Settings = field(default_factory=Settings)
     blind_s: float = 0.0  # how long nothing useful has been seen
     slipping: bool = False  # the wheels turn, but the floor does not pass
     recognised: float = 1.0  # share of what was seen lately that the map knows; NaN: too little

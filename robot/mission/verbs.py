@@ -111,6 +111,11 @@ VERBS: tuple[Verb, ...] = (
             Argument("yaw_rate_radps", "number", "turn rate, positive: left"),
         ),
     ),
+    Verb(
+        "fan",
+        "how hard the fan works from now on; without a level: tell it",
+        (Argument("level", "text", "off, low, medium or high", optional=True),),
+    ),
     Verb("rooms", "list the rooms with their names", place="map"),
     Verb("room split", "cut a room along a line", _LINE, "map"),
     Verb("room join", "make two rooms one", (_ROOM, Argument("other", "text", "another")), "map"),

@@ -64,6 +64,29 @@ def test_a_zone_is_swept_and_nothing_else():
     assert body.states[-1].remaining_m2 < 0.1
 
 
+def test_the_fan_works_as_hard_as_was_asked_and_the_home_keeps_it():
+    requests = [
+        (0.3, "fan"), (0.4, "fan Max"), (0.5, "start"), (20.0, "fan low"), (21.0, "fan turbo"),
+        (26.0, "fan off"), (30.0, "stop"),
+    ]  # fmt: skip
+    body, _, brain = live(one_room(), requests, 31.0)
+    assert [a.accepted for a in body.answers] == [True, True, True, True, False, True, True]
+    assert "off, low, medium, high" in body.answers[4].reason
+    told = json.loads(body.answers[0].data)
+    assert told == {"level": "high", "levels": ["off", "low", "medium", "high"]}
+    full = Config().mission.fan
+
+    def fans(since_s, until_s):
+        spans = (d for d in body.drives if since_s < d.t_ns * 1e-9 < until_s and d.brush > 0.0)
+        return {round(d.fan, 3) for d in spans}
+
+    assert fans(0.0, 20.0) == {full} and fans(20.1, 26.0) == {round(0.4 * full, 3)}
+    assert fans(26.1, 30.0) == {0.0}
+    assert brain.home().settings == {"fan": "off"}
+    again = Brain(Config(), brain.home())
+    assert again.home().settings == {"fan": "off"}
+
+
 def test_a_spot_is_swept_where_the_robot_was_put_and_it_stays_there():
     body, _, _ = live(one_room(), [(0.5, "spot 0.8")], 90.0, place=SE2(1.2, 0.9, 0.3))
     assert "spot" in body.phases and body.phases[-1] == "idle", body.states[-1]

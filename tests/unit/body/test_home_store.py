@@ -53,6 +53,7 @@ def home(seed: int = 1, landmarks: int = 5) -> Home:
         SE2(0.1, -0.2, 0.3),
         SE2(0.2),
         notes.to_dict(),
+        {"fan": "low"},
     )
 
 
@@ -69,7 +70,7 @@ def same(a: Home, b: Home) -> bool:
         for h in (a, b)
     ]
     equal = all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs)
-    return equal and rest[0] == rest[1] and a.notes == b.notes
+    return equal and rest[0] == rest[1] and a.notes == b.notes and a.settings == b.settings
 
 
 def complain(text: str) -> None:
