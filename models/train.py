@@ -1,12 +1,14 @@
 """Train one network: `python -m models.train hybrid --minutes 60` (resumes if interrupted).
 
 The pairs come from `models.data.shards`, which may still be writing: new shards are picked up
-every minute. The learning rate follows a cosine over the minutes trained. They are minutes of the
-processor, not of the clock, so that a busy machine does not shorten the training.
+every minute. The learning rate follows a cosine over the minutes trained. On a processor they are
+its own minutes, not the clock's, so that a busy machine does not shorten the training. A GPU is
+used where there is one, and several with `torchrun --nproc-per-node N -m models.train ...`, each
+on batches of its own.
 
 Everything goes to `training/<name>/`: `last.pt` (to resume), `best.pt` (weights that were best on
-validation) and `log.jsonl`. Measured and kept are the weights averaged over the last steps: an hour
-before the end they are nearly as good as at the end.
+validation), `log.jsonl` and `curve.png`. Measured and kept are the weights averaged over the last
+steps: an hour before the end they are nearly as good as at the end.
 
 Fine-tuning is a training of other kinds of shards that starts from weights:
 `python -m models.train hybrid --kinds real --start training/hybrid/best.pt --out training/tuned`.
@@ -17,19 +19,23 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from models import validation
-from models.data.batches import Shards, batch
+from models.curves import draw_training
+from models.data.batches import Shards
+from models.data.feed import Batch, feed
 from models.loss import stereo_loss
 from models.networks import NETWORKS, build
 from models.networks.blocks import INPUT_MEAN, INPUT_SCALE
+from models.place import Place, find_place
 
 LOSS_SCALE = 1024.0  # keeps small gradients of bfloat16 out of the denormal range
 WARMUP_STEPS = 100
@@ -52,6 +58,7 @@ class Order:
     bf16: bool = True
     kinds: tuple[str, ...] = ("shapes", "rooms")
     start: Path | None = None
+    place: Place = field(default_factory=Place)
 
 
 class Trainer:
@@ -60,9 +67,10 @@ class Trainer:
     def __init__(self, order: Order) -> None:
         torch.manual_seed(order.seed)
         self.order = order
-        self.network: nn.Module = build(order.name)
+        self.place = order.place
+        self.network: nn.Module = build(order.name).to(self.place.device)
         if order.start is not None:
-            state = torch.load(order.start, weights_only=True)
+            state = torch.load(order.start, self.place.device, weights_only=True)
             self.network.load_state_dict(state.get("network", state))
         self.optimiser = torch.optim.AdamW(self.network.parameters(), order.rate, weight_decay=1e-4)
         self.average = AveragedModel(
@@ -73,10 +81,11 @@ class Trainer:
         self.folder.mkdir(parents=True, exist_ok=True)
         if (self.folder / "last.pt").exists():
             self.load()
+        self.learner = self.place.learner(self.network)
 
     def load(self) -> None:
         """Go on from `last.pt`."""
-        state = torch.load(self.folder / "last.pt", weights_only=True)
+        state = torch.load(self.folder / "last.pt", self.place.device, weights_only=True)
         self.network.load_state_dict(state["network"])
         self.average.load_state_dict(state["average"])
         self.optimiser.load_state_dict(state["optimiser"])
@@ -102,15 +111,20 @@ class Trainer:
         warm = min(1.0, (self.step + 1) / WARMUP_STEPS)
         return self.order.rate * warm * 0.5 * (1 + math.cos(math.pi * progress)) + 1e-5
 
-    def learn(self, kinds: list[Shards]) -> float:
-        """One step of the optimiser; returns the loss."""
-        grey, truth = batch(self.order.seed, self.step, kinds, self.order.batch)
-        x = (torch.from_numpy(grey) - INPUT_MEAN) / INPUT_SCALE
+    def batches(self, kinds: list[Shards]) -> Iterator[Batch]:
+        """The batches of this process from the present step on."""
+        world, o = self.place.world, self.order
+        first = self.step * world + self.place.rank
+        return feed(o.seed, kinds, o.batch, first, world, self.place.loaders)
+
+    def learn(self, grey: np.ndarray, truth: np.ndarray) -> float:
+        """One step of the optimiser on a batch; returns the loss."""
+        x = (self.place.put(torch.from_numpy(grey)) - INPUT_MEAN) / INPUT_SCALE
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate()
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.order.bf16):
-            estimate = self.network(x[:, :1], x[:, 1:])
-        loss = stereo_loss(estimate, torch.from_numpy(truth))
+        with torch.autocast(self.place.device.type, torch.bfloat16, enabled=self.order.bf16):
+            estimate = self.learner(x[:, :1], x[:, 1:])
+        loss = stereo_loss(estimate, self.place.put(torch.from_numpy(truth)))
         self.optimiser.zero_grad(set_to_none=True)
         (loss * LOSS_SCALE).backward()
         for parameter in self.network.parameters():
@@ -124,6 +138,8 @@ class Trainer:
 
     def check(self) -> dict[str, float]:
         """Measure on the held-back pairs, keep the weights if they are the best so far."""
+        if self.place.rank:
+            return {}
         measured = validation.measure(self.average.module, self.order.held_back, self.order.kinds)
         score = sum(v for k, v in measured.items() if k.endswith("epe_px"))
         if measured and score < self.best:
@@ -134,6 +150,8 @@ class Trainer:
 
     def note(self, **values: float | int | str) -> None:
         """One line to `log.jsonl` and to the terminal."""
+        if self.place.rank:
+            return
         line = json.dumps(
             {k: round(v, 4) if isinstance(v, float) else v for k, v in values.items()}
         )
@@ -147,13 +165,17 @@ class Trainer:
         if not any(k.images for k in kinds):
             raise SystemExit(f"no shards in {self.order.pairs}: run python -m models.data.shards")
         o = self.order
-        self.note(step=self.step, trained_s=self.trained_s, batch=o.batch, top_rate=o.rate)
+        self.note(
+            step=self.step, trained_s=self.trained_s, batch=o.batch * self.place.world,
+            top_rate=o.rate, device=self.place.device.type,
+        )  # fmt: skip
+        batches = self.batches(kinds)
         last_report = last_check = self.trained_s
         total, count = 0.0, 0
         while self.trained_s < 60 * self.order.minutes:
-            began = time.thread_time()
-            total, count = total + self.learn(kinds), count + 1
-            self.trained_s += time.thread_time() - began
+            began_s = self.place.clock_s()
+            total, count = total + self.learn(*next(batches)), count + 1
+            self.trained_s += self.place.longest(self.place.clock_s() - began_s)
             if self.trained_s - last_report > REPORT_S:
                 pairs = [k.rescan() for k in kinds]
                 self.note(
@@ -165,6 +187,8 @@ class Trainer:
                 self.note(step=self.step, trained_s=self.trained_s, **self.check())
                 last_check = self.trained_s
         self.note(step=self.step, trained_s=self.trained_s, **self.check())
+        if self.place.rank == 0:
+            draw_training(self.folder)
 
 
 def main() -> None:
@@ -187,6 +211,7 @@ def main() -> None:
     order = Order(
         given.name, given.minutes, given.pairs, given.held_back, given.out, given.batch,
         given.rate, given.seed, not given.fp32, tuple(given.kinds.split(",")), given.start,
+        find_place(),
     )  # fmt: skip
     Trainer(order).run()
 

@@ -14,14 +14,14 @@ from models.networks.blocks import INPUT_MEAN, INPUT_SCALE, MAX_DISPARITY
 
 def predict(network: nn.Module, images: np.ndarray, size: int = 8) -> np.ndarray:
     """Disparity float32 (n, h, w) px for images uint8 (n, 2, h, w), in eval mode."""
-    was_training = network.training
+    was_training, device = network.training, next(network.parameters()).device
     network.eval()
     found = []
     with torch.no_grad():
         for first in range(0, len(images), size):
-            grey = torch.from_numpy(images[first : first + size].astype(np.float32))
+            grey = torch.from_numpy(images[first : first + size].astype(np.float32)).to(device)
             x = (grey - INPUT_MEAN) / INPUT_SCALE
-            found.append(network(x[:, :1], x[:, 1:]).disparity[:, 0].numpy())
+            found.append(network(x[:, :1], x[:, 1:]).disparity[:, 0].cpu().numpy())
     network.train(was_training)
     return np.concatenate(found)
 

@@ -8,6 +8,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 from models.data.batches import Shards, augment, batch  # noqa: E402
+from models.data.feed import feed  # noqa: E402
 from models.data.shards import (  # noqa: E402
     decode_disparity,
     encode_disparity,
@@ -91,6 +92,19 @@ def test_batches_depend_only_on_seed_and_step(folder):
     assert first[0].shape == (2, 2, 192, 256) and first[1].shape == (2, 1, 192, 256)
 
 
+def test_batches_made_ahead_are_the_same_and_processes_share_them_out(folder):
+    kinds = [Shards(folder, "shapes")]
+    inline = feed(1, kinds, 2, first=4)
+    expected = [next(inline)[0] for _ in range(5)]
+    ahead = feed(1, kinds, 2, first=4, loaders=2)
+    second = feed(1, kinds, 2, first=5, every=2)
+    for grey in expected:
+        np.testing.assert_array_equal(next(ahead)[0], grey)
+    for grey in expected[1::2]:
+        np.testing.assert_array_equal(next(second)[0], grey)
+    ahead.close()
+
+
 def test_augmenting_treats_both_eyes_alike():
     images = np.repeat(np.random.default_rng(0).integers(0, 256, (1, 240, 320)), 2, 0)
     truth = np.arange(240 * 320, dtype=np.float32).reshape(240, 320)
@@ -121,7 +135,8 @@ def test_training_lowers_the_loss_saves_and_resumes(folder):
     torch.set_num_threads(1)
     trainer = Trainer(order)
     kinds = [Shards(folder, "shapes")]
-    losses = [trainer.learn(kinds) for _ in range(16)]
+    batches = trainer.batches(kinds)
+    losses = [trainer.learn(*next(batches)) for _ in range(16)]
     assert np.mean(losses[-4:]) < np.mean(losses[:4])
     measured = trainer.check()
     assert {"shapes_epe_px", "shapes_bad1_pct", "shapes_bad3_pct"} <= set(measured)
