@@ -1,4 +1,4 @@
-"""What people draw on the map: no-go areas, virtual walls, and rooms cut, joined and named.
+"""What people draw on the map: no-go areas, walls, zones, and rooms cut, joined and named.
 
 Everything is a place in `world`, never a number of a cell or of a room: the map may grow and rooms
 may be found anew, and the drawings stay where they were put. Frozen; `to_dict` and `from_dict` are
@@ -25,7 +25,7 @@ MIN_LENGTH_M = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A polygon (closed by itself) that the robot's footprint stays out of."""
+    """A polygon (closed by itself): the robot's footprint stays out of it, or a zone to sweep."""
 
     name: str
     corners_m: tuple[Point, ...]
@@ -83,6 +83,7 @@ class Annotations:
     cuts: tuple[Line, ...] = ()
     joins: tuple[Join, ...] = ()
     rooms: tuple[RoomName, ...] = ()
+    zones: tuple[Area, ...] = ()
 
     def barriers(self) -> list[tuple[Point, Point]]:
         """Every line that the footprint must not cross: borders of areas, and walls."""
@@ -98,6 +99,14 @@ class Annotations:
         if self.holding(x_m, y_m) is not None:
             return 0.0
         return min((_segment_m(x_m, y_m, *line) for line in self.barriers()), default=math.inf)
+
+    def zone(self, name: str) -> Area:
+        """The zone of that name, in capitals or not. Raises MapError when there is none."""
+        for area in self.zones:
+            if area.name.casefold() == name.casefold():
+                return area
+        known = ", ".join(area.name for area in self.zones) or "none"
+        raise MapError(f"no zone is called {name!r}; there is: {known}.")
 
     def add(self, kind: str, mark: Mark) -> Annotations:
         """With one more mark of `kind` (a field's name). Raises MapError for an impossible one."""
@@ -126,7 +135,7 @@ class Annotations:
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, texts and numbers, as JSON holds them."""
         return {
-            "no_go": [{"name": a.name, "corners_m": _listed(a.corners_m)} for a in self.no_go],
+            "no_go": [_area_dict(area) for area in self.no_go],
             "walls": [_line_dict(line) for line in self.walls],
             "cuts": [_line_dict(line) for line in self.cuts],
             "joins": [
@@ -134,17 +143,19 @@ class Annotations:
                 for j in self.joins
             ],
             "rooms": [{"name": r.name, "at_m": list(r.at_m)} for r in self.rooms],
+            "zones": [_area_dict(area) for area in self.zones],
         }
 
     @classmethod
     def from_dict(cls, plain: Mapping[str, Any], name: str = "map") -> Annotations:
         """What `to_dict` gave. Raises MapError, naming `name` and the mark that makes no sense."""
         makers: dict[str, Callable[[Any], Mark]] = {
-            "no_go": lambda m: Area(m["name"], tuple(_point(p) for p in m["corners_m"])),
+            "no_go": _area,
             "walls": _line,
             "cuts": _line,
             "joins": lambda m: Join(m["name"], _point(m["one_m"]), _point(m["other_m"])),
             "rooms": lambda m: RoomName(m["name"], _point(m["at_m"])),
+            "zones": _area,
         }
         if not isinstance(plain, Mapping) or not plain.keys() <= makers.keys():
             raise MapError(
@@ -220,8 +231,12 @@ def _line(plain: Mapping[str, Any]) -> Line:
     return Line(plain["name"], _point(plain["start_m"]), _point(plain["end_m"]))
 
 
-def _listed(points: Sequence[Point]) -> list[list[float]]:
-    return [list(point) for point in points]
+def _area(plain: Mapping[str, Any]) -> Area:
+    return Area(plain["name"], tuple(_point(point) for point in plain["corners_m"]))
+
+
+def _area_dict(area: Area) -> dict[str, Any]:
+    return {"name": area.name, "corners_m": [list(point) for point in area.corners_m]}
 
 
 def _line_dict(line: Line) -> dict[str, Any]:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from robot.errors import MapError, RequestError
 from robot.geometry.se2 import SE2
-from robot.mapping.annotations import Annotations
+from robot.mapping.annotations import Annotations, Area
 from robot.messages import Answer, Beep, Request, StopOrder
 from robot.mission.charge import Charge
 from robot.mission.dock import Dock
-from robot.mission.editing import NEEDS_ROOMS, Args, Reply, edit
+from robot.mission.editing import NEEDS_ROOMS, Args, Reply, drawn_area, edit
 from robot.mission.goto import GoTo
 from robot.mission.job import Job, room_job, spot_job, zone_job
 from robot.mission.manual import Manual
@@ -21,7 +21,7 @@ from robot.mission.room_book import RoomBook
 from robot.mission.settings import FAN_SHARES
 from robot.mission.state import Situation, seconds
 from robot.mission.travel import Return
-from robot.mission.verbs import numbers, understand
+from robot.mission.verbs import is_number, numbers, understand
 
 if TYPE_CHECKING:
     from robot.mission.mission import Mission
@@ -125,16 +125,23 @@ def _spot(mission: Mission, now: Situation, args: Args) -> Reply:
 
 
 def _zones(mission: Mission, now: Situation, args: Args) -> Reply:
-    values = numbers(args)
-    if len(values) % 4:
-        return Reply(False, "give x y of two opposite corners of each zone, metres")
-    job = zone_job(values)
     try:
-        for area in job.areas:
-            Annotations().add("no_go", area)
+        return _begin(mission, now, zone_job(_wanted_zones(args, now.notes.current)))
     except MapError as error:
-        return Reply(False, str(error).replace("no_go", "clean zones"))
-    return _begin(mission, now, job)
+        return Reply(False, str(error))
+
+
+def _wanted_zones(args: Args, drawn: Annotations) -> list[Area]:
+    """Saved zones by name, or rectangles of four numbers each. Raises MapError."""
+    if not all(map(is_number, args)):
+        return [drawn.zone(name) for name in args]
+    if len(args) % 4:
+        raise MapError("give x y of two opposite corners of each zone, metres")
+    given = Annotations()  # as good as a saved one
+    for k in range(0, len(args), 4):
+        area = drawn_area(given.free_name("zones", "zone"), numbers(args[k : k + 4]))
+        given = given.add("zones", area)
+    return list(given.zones)
 
 
 def _go_to(mission: Mission, now: Situation, args: Args) -> Reply:

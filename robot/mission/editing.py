@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from robot.errors import MapError
@@ -12,7 +12,7 @@ from robot.mapping.annotations import Annotations, Area, Join, Line, RoomName
 from robot.mapping.named_rooms import Rooms, room_at, splits
 from robot.mapping.outlines import outline_m
 from robot.mission.state import Situation
-from robot.mission.verbs import numbers
+from robot.mission.verbs import is_number, numbers
 
 
 class Reply(NamedTuple):
@@ -38,20 +38,32 @@ def edit(verb: str, args: Args, now: Situation, rooms: Rooms | None) -> Reply:
         return Reply(False, str(error))
 
 
-# ---------------------------------------------------------------------- areas and walls
+# ---------------------------------------------------------------------- areas, walls, zones
 
 
-def _add_area(args: Args, now: Situation) -> Reply:
-    values = numbers(args)
+def drawn_area(name: str, values: Sequence[float]) -> Area:
+    """A rectangle of two opposite corners, or a polygon. Raises MapError for other numbers."""
     if len(values) < 4 or len(values) % 2:
-        return Reply(False, "give x y of two opposite corners, or x y of three corners and more")
+        raise MapError("give x y of two opposite corners, or x y of three corners and more")
     points = list(zip(values[::2], values[1::2], strict=True))
     if len(points) == 2:
         (x0, y0), (x1, y1) = points
         points = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    return Area(name, tuple(points))
+
+
+def _add_area(args: Args, now: Situation) -> Reply:
     drawn = now.notes.current
-    area = Area(drawn.free_name("no_go", "area"), tuple(points))
+    area = drawn_area(drawn.free_name("no_go", "area"), numbers(args))
     return _drawn(now, drawn.add("no_go", area), area.name)
+
+
+def _add_zone(args: Args, now: Situation) -> Reply:
+    name, drawn = args[0], now.notes.current
+    if is_number(name):
+        return Reply(False, f"a zone cannot be called {name}: that is a number; take a name")
+    now.notes.change(drawn.add("zones", drawn_area(name, numbers(args[1:]))))
+    return Reply(True, f"`clean zones` knows {name!r} now", json.dumps({"name": name}))
 
 
 def _add_wall(args: Args, now: Situation) -> Reply:
@@ -95,6 +107,7 @@ def _show(args: Args, now: Situation) -> Reply:
             (drawn.cuts, "cut"),
             (drawn.joins, "join"),
             (drawn.rooms, "named room"),
+            (drawn.zones, "zone"),
         )
     )
     data = {"annotations": drawn.to_dict(), "snapshots": now.notes.snapshots}
@@ -179,6 +192,8 @@ _DRAWINGS: dict[str, Callable[[Args, Situation], Reply]] = {
     "no-go remove": _remove("no_go"),
     "wall add": _add_wall,
     "wall remove": _remove("walls"),
+    "zone add": _add_zone,
+    "zone remove": _remove("zones"),
     "map show": _show,
     "map undo": _undo,
     "map snapshot": _keep,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,13 +47,9 @@ def spot_job(place: SE2, side_m: float) -> Job:
     return Job("spot", f"a spot of {side_m:.1f} m", (Area("spot", points),))
 
 
-def zone_job(numbers: list[float]) -> Job:
-    """Rectangles of four numbers each: x y of one corner, x y of the opposite one."""
-    areas = []
-    for k in range(0, len(numbers), 4):
-        x0, y0, x1, y1 = numbers[k : k + 4]
-        areas.append(Area(f"zone {k // 4 + 1}", ((x0, y0), (x1, y0), (x1, y1), (x0, y1))))
-    return Job("zone", f"{len(areas)} zone{'s' if len(areas) > 1 else ''}", tuple(areas))
+def zone_job(areas: Sequence[Area]) -> Job:
+    """Areas with names, or rectangles that were just given."""
+    return Job("zone", ", ".join(area.name for area in areas), tuple(areas))
 
 
 def room_job(rooms: Rooms, names: tuple[str, ...]) -> Job:

@@ -99,8 +99,8 @@ VERBS: tuple[Verb, ...] = (
     Verb("clean rooms", "clean only these rooms", (Argument("room", "text", "name", many=True),)),
     Verb(
         "clean zones",
-        "clean only these rectangles",
-        (Argument("corner_m", "number", "x y x y of two opposite corners of each", many=True),),
+        "clean only these zones",
+        (Argument("zone", "text", "its name; or x y x y, opposite corners of each", many=True),),
     ),
     Verb("go to", "drive to a place and wait there", _point("", "the place")),
     Verb(
@@ -124,6 +124,8 @@ VERBS: tuple[Verb, ...] = (
     Verb("no-go remove", "take such an area away", (_NAME,), "map"),
     Verb("wall add", "draw a virtual wall", _LINE, "map"),
     Verb("wall remove", "take a virtual wall away", (_NAME,), "map"),
+    Verb("zone add", "draw a zone that can be cleaned by its name", (_NAME, _CORNERS), "map"),
+    Verb("zone remove", "take a zone away", (_NAME,), "map"),
     Verb("map show", "list all that is drawn on the map", place="map"),
     Verb("map undo", "take the last change of the drawings back", place="map"),
     Verb("map snapshot", "keep the drawings under a name", (_NAME,), "map"),
@@ -192,7 +194,7 @@ def _checked(verb: Verb, given: tuple[str, ...]) -> tuple[str, ...]:
         raise RequestError(f"usage: {verb.usage}.")
     for position, text in enumerate(given):
         argument = verb.arguments[min(position, len(verb.arguments) - 1)]
-        if argument.kind == "number" and not _is_number(text):
+        if argument.kind == "number" and not is_number(text):
             raise RequestError(
                 f"{argument.name} must be a number, not {text[:40]!r}; usage: {verb.usage}."
             )
@@ -201,7 +203,8 @@ def _checked(verb: Verb, given: tuple[str, ...]) -> tuple[str, ...]:
     return given
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a text is one, finite and not absurd."""
     try:
         return math.isfinite(value := float(text)) and abs(value) <= MAX_NUMBER
     except ValueError:

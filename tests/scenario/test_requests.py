@@ -11,7 +11,7 @@ from robot.brain import Brain
 from robot.config import Config
 from robot.geometry.se2 import SE2
 from robot.mapping.annotations import Annotations, Area, Line
-from robot.messages import Beep
+from robot.messages import Beep, PlanOrder
 from robot.run import run
 
 
@@ -62,6 +62,31 @@ def test_a_zone_is_swept_and_nothing_else():
     inside = [p for p in swept if -1.3 <= p.x_m <= -0.5 and 0.0 <= p.y_m <= 0.75]
     assert len(inside) > 20 and len(inside) > 0.5 * len(swept)
     assert body.states[-1].remaining_m2 < 0.1
+
+
+def test_a_zone_is_saved_under_a_name_swept_by_it_and_forgotten():
+    requests = [
+        (0.3, "zone add 7 -1.2 0.1 -0.6 0.6"), (0.4, "zone add rug -1.2 0.1 -0.6 0.6"),
+        (0.5, "zone add rug 0 0 1 1"), (0.6, "clean zones carpet"), (0.7, "clean zones Rug"),
+        (19.0, "stop"), (19.2, "zone remove rug"), (19.4, "clean zones rug"),
+    ]  # fmt: skip
+    body, log, brain = live(one_room(), requests, 20.0)
+    assert [a.accepted for a in body.answers] == [
+        False,
+        True,
+        False,
+        False,
+        True,
+        True,
+        True,
+        False,
+    ]
+    assert "rug" in body.answers[3].reason  # what there is instead
+    assert "cleaning rug" in body.answers[4].reason
+    orders = [c for c in log.commands if isinstance(c, PlanOrder) and c.kind == "coverage"]
+    wanted = orders[-1].grid.resolution_m ** 2 * (~orders[-1].covered).sum()
+    assert 0.15 < wanted < 0.31  # 0.6 m by 0.5 m, less what lies outside of the map
+    assert brain.notes.current.zones == ()
 
 
 def test_the_fan_works_as_hard_as_was_asked_and_the_home_keeps_it():

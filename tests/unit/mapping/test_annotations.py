@@ -24,6 +24,7 @@ def drawn():
     made = made.add("walls", Line("wall 1", (2.0, 0.0), (2.0, 1.5)))
     made = made.add("cuts", Line("cut 1", (0.0, 0.0), (0.0, 2.0)))
     made = made.add("joins", Join("join 1", (0.0, 0.0), (3.0, 0.0)))
+    made = made.add("zones", Area("rug", SQUARE.corners_m))
     return made.add("rooms", RoomName("kitchen", (0.5, 0.5)))
 
 
@@ -64,6 +65,7 @@ def test_any_plain_value_is_read_or_refused(plain):
         ("no_go", Area("a", ((0, 0), (1, 0), (2, 0))), "encloses nothing"),
         ("no_go", Area("a", ((0, 0), (math.nan, 0), (2, 1))), "outside"),
         ("no_go", Area("a", ((0, 0), (1000, 0), (2, 1))), "outside"),
+        ("zones", Area("a", ((0, 0), (1, 0), (2, 0))), "encloses nothing"),
         ("walls", Line("a", (0, 0), (0.01, 0)), "shorter"),
         ("rooms", RoomName("", (0, 0)), "letters"),
         ("rooms", RoomName("x" * 99, (0, 0)), "letters"),
@@ -82,6 +84,9 @@ def test_names_are_unique_and_unknown_ones_are_told():
         drawn().remove("no_go", "area 7")
     assert drawn().remove("no_go", "area 1").no_go == ()
     assert drawn().free_name("no_go", "area") == "area 2"
+    assert drawn().zone("Rug").name == "rug"
+    with pytest.raises(MapError, match="there is: rug"):
+        drawn().zone("carpet")
 
 
 @given(point)

@@ -35,6 +35,8 @@ def test_names_are_unique_and_manuals_are_there():
         (["start", "now"], "usage: start"),
         (["clean", "rooms"], "usage"),
         (["clean", "rooms", " "], "empty"),
+        (["zone", "add", "rug"], "usage: zone add NAME"),
+        (["zone", "add", "rug", "1", "2", "3", "x"], "must be a number"),
         (["clean", "zones", *["1"] * 300], "at most"),
     ],
 )
