@@ -15,6 +15,7 @@ from typing import Any
 
 from robot.body.base import EventLog
 from robot.body.control import ControlSocket
+from robot.body.resting import RESTING, begins_run
 from robot.body.schedule import Schedule, due
 from robot.body.store import write_whole
 from robot.errors import ConfigError, RequestError
@@ -27,7 +28,6 @@ MAX_STEP_NS = NS
 MIN_RUN_S = 10.0  # shorter ones were a mistaken press of a button
 KEEP_RUNS = 200
 LIFE_H = {"brush": 150.0, "filter": 120.0, "sensors": 30.0}  # until care is advised
-RESTING = frozenset({"idle", "docked", "done", "error", "none"})
 
 
 def local_now() -> datetime:
@@ -108,7 +108,7 @@ class Books:
 
     def _run(self, state: MissionState) -> None:
         before, self._state = self._state, state
-        if self._began is None and state.state not in RESTING:
+        if self._began is None and begins_run(state.state):
             began = self._clock().isoformat(timespec="seconds")
             self._began = (state.t_ns, began, state.reason)
         elif self._began is not None and state.state in RESTING:

@@ -1,7 +1,8 @@
 """The history of a robot that stays switched on: every run becomes a folder of its own.
 
-A run begins when the robot leaves a resting state and ends when it rests again (paused is not
-resting). The folder is written by a thread, as `summary.json`, `map.png` and `trajectory.tum`.
+A run begins when the robot sets out by itself and ends when it rests again: paused is not resting,
+and driving by hand begins none. The folder is written by a thread, as `summary.json`, `map.png` and
+`trajectory.tum`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from robot.body.observe import NS, Observer
-from robot.body.outlook import RESTING
+from robot.body.resting import RESTING, begins_run
 from robot.evaluate.report import draw_map
 from robot.log.export import write_tum
 from robot.mapping.rooms import segment_rooms
@@ -43,7 +44,7 @@ class Diary:
         self._observer.command(command)
         if not isinstance(command, MissionState):
             return
-        if self._began is None and command.state not in RESTING:
+        if self._began is None and begins_run(command.state):
             begun = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
             poses = len(self._observer.estimates)
             swept_m2 = min(self._swept_m2, command.covered_m2)  # a new run may begin at 0

@@ -6,12 +6,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Protocol
 
 from robot.body.base import EventLog
+from robot.body.resting import RESTING
 from robot.body.store import HomeStore
 from robot.home import Home
 from robot.messages import Command, Event, MissionState
 
 EVERY_NS = 300_000_000_000
-RESTING = ("idle", "docked", "done", "error", "charge")
+SETTLED = RESTING | {"charge"}
 
 
 class Knows(Protocol):
@@ -28,7 +29,7 @@ class HomeKeeper:
         self._writer = ThreadPoolExecutor(1, "home")
         self._writing: Future[None] | None = None
         self._saved_ns: int | None = None
-        self._state = RESTING[0]
+        self._state = "none"
 
     def event(self, event: Event) -> None:
         """Hand on."""
@@ -40,7 +41,7 @@ class HomeKeeper:
         if not isinstance(command, MissionState):
             return
         before, self._state = self._state, command.state
-        rests = before not in RESTING and command.state in RESTING
+        rests = before not in SETTLED and command.state in SETTLED
         if self._saved_ns is None:
             self._saved_ns = command.t_ns
         busy = self._writing is not None and not self._writing.done()

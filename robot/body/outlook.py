@@ -16,6 +16,7 @@ import numpy as np
 
 from robot import __version__
 from robot.body.base import EventLog
+from robot.body.resting import RESTING
 from robot.body.stream import PROTOCOL
 from robot.messages import (
     Battery,
@@ -39,7 +40,6 @@ STATUS_NS = NS
 POSE_NS = 90_000_000  # every estimate at 10 Hz
 CRUMB_M = 0.03
 MAX_CRUMBS = 40_000
-RESTING = frozenset({"idle", "docked", "done", "error", "none"})
 
 
 class Sight(Protocol):

@@ -1,8 +1,4 @@
-"""Tells watchers what the robot sees and does: one thread, never the loop's.
-
-Each watcher has an outbox of bounded size that is emptied without waiting; who lets it fill up is
-hung up on, and may come back and begin with the present state.
-"""
+"""Tells watchers what the robot sees and does: one thread, never the loop's."""
 
 from __future__ import annotations
 
@@ -14,79 +10,24 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from robot.body import stream
 from robot.body.outlook import Outlook
+from robot.body.shown import coloured, cut_tiles, jpeg, landmark_rows, temperature_c
 from robot.body.stream import Place, batches, frame, pack_tiles
-from robot.messages import Grid, MapReport
+from robot.body.watcher import Watcher
+from robot.messages import Grid
 
 MAX_WATCHERS = 4
-MAX_OUTBOX_BYTES = 1 << 20
 BEAT_S = 0.05
 LOOK_S = 3.0  # for so long after the last wish, pictures are sent
 PICTURE_EVERY_S = 0.3
-MAX_LINE_BYTES = 256
-JPEG = [cv2.IMWRITE_JPEG_QUALITY, 70]
-THERMOMETER = Path("/sys/class/thermal/thermal_zone0/temp")
 
 Looked = tuple[np.ndarray, np.ndarray]  # left (h, w) uint8, disparity (h, w) float32, NaN: none
 Check = Callable[[], list[dict[str, str]]]
-
-
-class Watcher:
-    """One connection: what it already knows, and what waits to be sent."""
-
-    def __init__(self, connection: socket.socket) -> None:
-        connection.setblocking(False)
-        self.connection = connection
-        self.outbox: deque[memoryview] = deque()
-        self.waiting_bytes = 0
-        self.line = b""
-        self.track = (-1, 0)
-        self.greeted = False
-        self.look_until_s = {eye: 0.0 for eye in stream.EYES}
-        self.gone = False
-
-    def put(self, message: bytes) -> None:
-        """Queue one frame, or give the watcher up."""
-        self.waiting_bytes += len(message)
-        self.outbox.append(memoryview(message))
-        if self.waiting_bytes > MAX_OUTBOX_BYTES:
-            self.gone = True
-
-    def send(self) -> None:
-        """Hand the system what it takes now."""
-        try:
-            while self.outbox:
-                sent = self.connection.send(self.outbox[0])
-                self.waiting_bytes -= sent
-                if sent < len(self.outbox[0]):
-                    self.outbox[0] = self.outbox[0][sent:]
-                    return
-                self.outbox.popleft()
-        except BlockingIOError:
-            pass
-        except OSError:
-            self.gone = True
-
-    def lines(self) -> list[bytes]:
-        """What the watcher has written since the last call."""
-        try:
-            data = self.connection.recv(MAX_LINE_BYTES)
-        except BlockingIOError:
-            return []
-        except OSError:
-            data = b""
-        if not data or len(self.line) > MAX_LINE_BYTES:
-            self.gone = True
-            return []
-        *lines, self.line = (self.line + data).split(b"\n")
-        return lines
 
 
 class Publisher(threading.Thread):
@@ -249,61 +190,9 @@ class Publisher(threading.Thread):
         for number, (eye, watchers) in enumerate(looking.items()):
             if watchers:
                 image = looked[0] if eye == "left" else coloured(looked[1])
-                jpeg = cv2.imencode(".jpg", image, JPEG)[1].tobytes()
-                message = frame(stream.IMAGE, bytes([number]) + jpeg)
+                message = frame(stream.IMAGE, bytes([number]) + jpeg(image))
                 for watcher in watchers:
                     watcher.put(message)
-
-
-# ---------------------------------------------------------------------- what is shown
-
-
-def cut_tiles(grid: Grid, covered: np.ndarray) -> dict[Place, bytes]:
-    """Tiles of `robot.body.stream` with anything known in them."""
-    size = stream.TILE
-    cells: np.ndarray = np.full(grid.cells.shape, stream.UNKNOWN, np.uint8)
-    cells[(grid.cells >= 0) & (grid.cells < 50)] = stream.FREE
-    cells[covered & (cells == stream.FREE)] = stream.SWEPT
-    cells[grid.cells >= 50] = stream.OCCUPIED
-    ix0 = round(grid.origin_x_m / grid.resolution_m)
-    iy0 = round(grid.origin_y_m / grid.resolution_m)
-    rows, columns = cells.shape
-    left, low = ix0 % size, iy0 % size
-    wide, high = -(-(left + columns) // size), -(-(low + rows) // size)
-    paper = np.zeros((high * size, wide * size), np.uint8)
-    paper[low : low + rows, left : left + columns] = cells
-    tiles = paper.reshape(high, size, wide, size).swapaxes(1, 2)
-    known = tiles.any(axis=(2, 3))
-    places: list[list[int]] = np.argwhere(known).tolist()
-    return {(ix0 // size + i, iy0 // size + j): tiles[j, i].tobytes() for j, i in places}
-
-
-def landmark_rows(report: MapReport) -> list[list[float]]:
-    """x, y, and the covariance's xx, xy, yy of every landmark."""
-    rows = np.column_stack(
-        [
-            report.landmarks_m.reshape(-1, 2),
-            report.landmark_cov.reshape(-1, 4)[:, [0, 1, 3]],
-        ]
-    )
-    return [[float(f"{v:.4g}") for v in row] for row in rows if np.isfinite(row).all()]
-
-
-def coloured(disparity_px: np.ndarray, most_px: float = 48.0) -> np.ndarray:
-    """Near is red, far is blue, unknown is black; BGR (h, w, 3)."""
-    known = np.isfinite(disparity_px)
-    scaled = np.clip(np.where(known, disparity_px, 0.0) * (255.0 / most_px), 0, 255)
-    colours = cv2.applyColorMap(scaled.astype(np.uint8), cv2.COLORMAP_TURBO)
-    colours[~known] = 0
-    return np.asarray(colours)
-
-
-def temperature_c() -> float | None:
-    """Of the processor, where the system knows it."""
-    try:
-        return round(int(THERMOMETER.read_text()) / 1000.0, 1)
-    except (OSError, ValueError):
-        return None
 
 
 def _json(value: dict[str, Any]) -> bytes:

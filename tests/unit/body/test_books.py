@@ -50,6 +50,15 @@ def clock():
     return Clock()
 
 
+def test_driving_by_hand_is_no_run(tmp_path, clock):
+    books = Books(NoLog(), tmp_path, clock)
+    books.command(MissionState(1 * NS, "manual", "driving by hand", 0.0, 5.0))
+    books.command(MissionState(60 * NS, "idle", "nobody drives by hand any more", 0.0, 5.0))
+    assert books.verbs()["history"](())["data"]["runs"] == []
+    clean(books, 100, 200)
+    assert len(books.verbs()["history"](())["data"]["runs"]) == 1
+
+
 def test_hours_are_counted_while_parts_turn_and_live_through_a_restart(tmp_path, clock):
     books = Books(NoLog(), tmp_path, clock)
     for k in range(100):

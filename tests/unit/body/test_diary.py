@@ -103,6 +103,23 @@ def test_a_short_run_is_no_page_and_a_run_without_a_map_is_one(book):
     assert not list(folder.glob("*/map.png"))
 
 
+@pytest.mark.parametrize("state", ["manual", "lifted", "lost"])
+def test_driving_by_hand_and_being_carried_are_no_runs(book, state):
+    diary, watching, folder = book
+    say(diary, 0, "docked")
+    watching.drive(0, 60)
+    say(diary, 5, state)
+    say(diary, 50, "idle")
+    diary.flush()
+    assert pages(folder) == []
+    say(diary, 60, "clean")
+    say(diary, 65, state)  # what has begun goes on
+    say(diary, 70, "clean")
+    say(diary, 80, "done")
+    diary.flush()
+    assert [page["duration_s"] for page in pages(folder)] == [20.0]
+
+
 def test_a_second_run_counts_its_own_floor_only(book):
     """Whether the swept floor goes on counting, or begins at 0 again."""
     diary, watching, folder = book

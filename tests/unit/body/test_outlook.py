@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from robot.body import publisher, stream
+from robot.body import stream, watcher
 from robot.body.control import ControlSocket
 from robot.body.outlook import MAX_CRUMBS, Outlook, Track
 from robot.body.publisher import MAX_WATCHERS, Publisher
@@ -198,7 +198,7 @@ def test_checks_are_answered_to_who_asks(robot):
 
 
 def test_who_does_not_read_is_dropped_and_the_others_go_on(robot, monkeypatch):
-    monkeypatch.setattr(publisher, "MAX_OUTBOX_BYTES", OUTBOX_BYTES)
+    monkeypatch.setattr(watcher, "MAX_OUTBOX_BYTES", OUTBOX_BYTES)
     slow, quick = robot.watching(), robot.watching()
     quick.json("hello")
     rng = np.random.default_rng(3)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.body import stream
-from robot.body.publisher import cut_tiles
+from robot.body.shown import cut_tiles
 from robot.messages import Grid
 
 PLACES = st.tuples(st.integers(-2000, 2000), st.integers(-2000, 2000))

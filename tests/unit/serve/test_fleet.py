@@ -15,7 +15,7 @@ from browsing import CHROMIUM, browser, open_page, until
 from serving import served, wait_for
 from standin import StandIn
 
-from robot.body.publisher import cut_tiles
+from robot.body.shown import cut_tiles
 from robot.serve.picture import map_png
 
 __all__ = ["browser"]
