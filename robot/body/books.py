@@ -7,7 +7,7 @@ of their own, each under another name first, so that a power cut leaves the old 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from pathlib import Path
@@ -27,6 +27,8 @@ SAVE_S = 300.0  # of use between two savings
 MAX_STEP_NS = NS
 MIN_RUN_S = 10.0  # shorter ones were a mistaken press of a button
 KEEP_RUNS = 200
+Verbs = Mapping[str, Callable[[tuple[str, ...]], dict[str, Any]]]
+NOTHING: Verbs = {}
 LIFE_H = {"brush": 150.0, "filter": 120.0, "sensors": 30.0}  # until care is advised
 
 
@@ -75,6 +77,10 @@ class Books:
         """Write what is not written yet."""
         self._save("consumables.json", self._hours)
         self._writer.shutdown(wait=True)
+
+    def resting(self) -> bool:
+        """Whether the robot has nothing to do."""
+        return self._state.state in RESTING
 
     # ------------------------------------------------------------------ the clock
 
@@ -136,7 +142,7 @@ class Books:
 
     # ------------------------------------------------------------------ verbs
 
-    def verbs(self) -> dict[str, Callable[[tuple[str, ...]], dict[str, Any]]]:
+    def verbs(self) -> Verbs:
         """What `sweeper ask` may look up and change here; each may raise RequestError."""
         return {
             "schedule list": self._list,
@@ -202,10 +208,11 @@ class Books:
 class WithSchedule:
     """People over the socket, if there is one, and the schedule. Implements `Asked`."""
 
-    def __init__(self, people: ControlSocket | None, books: Books) -> None:
+    def __init__(self, people: ControlSocket | None, books: Books, more: Verbs = NOTHING) -> None:
+        """`more` are verbs that somebody beside the books answers at once."""
         self._people, self._books = people, books
         if people is not None:
-            people.books = books.verbs()
+            people.books = {**books.verbs(), **more}
 
     def poll(self, now_ns: int) -> list[Request]:
         """See `Asked`."""

@@ -54,26 +54,35 @@ def collect_folder(folder: Path, board: Board) -> Collected:
 
 
 class Chooser:
-    """Takes a view when the board stands still and where it has not been."""
+    """Takes a view when the board stands still and where it has not been; `said`: why not."""
 
     def __init__(self, board: Board, width_px: int) -> None:
         self._board, self._width = board, width_px
         self._before: Found | None = None
         self._taken: list[Found] = []
+        self.said = ""
 
     def consider(self, frame: StereoFrame) -> View | None:
         """The view in this frame, if it is worth keeping."""
         left = self._board.find(frame.left)
         before, self._before = self._before, left
-        if left is None or before is None or _moved(before, left) > STILL_SHARE * self._width:
-            return None
-        if any(_moved(taken, left) < NEW_SHARE * self._width for taken in self._taken):
-            return None
-        right = self._board.find(frame.right)
-        if right is None:
+        self.said = self._why_not(before, left)
+        right = None if self.said or left is None else self._board.find(frame.right)
+        if left is None or right is None:
+            self.said = self.said or "only the left eye sees the board"
             return None
         self._taken.append(left)
+        self.said = "taken"
         return View(f"{frame.seq}", left, right)
+
+    def _why_not(self, before: Found | None, left: Found | None) -> str:
+        if left is None:
+            return "no board in sight"
+        if before is None or _moved(before, left) > STILL_SHARE * self._width:
+            return "hold the board still"
+        if any(_moved(taken, left) < NEW_SHARE * self._width for taken in self._taken):
+            return "this view is taken; move or tilt the board"
+        return ""
 
 
 def _moved(one: Found, other: Found) -> float:

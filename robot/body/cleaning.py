@@ -211,7 +211,7 @@ def _live(
         gyro=open_gyro(config),
         gauge=open_gauge(config),
         control=onlookers.asked,
-        recorder=observer if options.frames else None,
+        recorder=onlookers.recorder(observer if options.frames else None),
         notifier=Notifier(),
         duration_s=options.duration_s or float("inf"),
         start=not options.wait,

@@ -10,8 +10,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
 
-from robot.body.base import Asked, EventLog
+from robot.body.base import Asked, EventLog, Recorder
 from robot.body.books import Books, WithSchedule
+from robot.body.calibrating import EXACT, CalibrationDesk
 from robot.body.check import check_running
 from robot.body.control import ControlSocket
 from robot.body.diary import Diary
@@ -35,6 +36,7 @@ class Onlookers:
         self._config, self._body, self._stack = config, body, stack
         self._looking: Looking | None = None
         self._outlook: Outlook | None = None
+        self._desk: CalibrationDesk | None = None
         self.control: ControlSocket | None = None
         self.asked: Asked | None = None  # the socket, and perhaps a schedule beside it
         if socket is not None:
@@ -45,10 +47,17 @@ class Onlookers:
         """The schedule asks, too, and the books can be looked up. Raises ConfigError."""
         books = Books(log, folder)
         self._stack.callback(books.close)
-        self.asked = WithSchedule(self.control, books)
+        why_not = EXACT if self._body == "sim" else ""
+        desk = self._desk = CalibrationDesk(folder, books.resting, why_not)
+        self._stack.callback(desk.close)
+        self.asked = WithSchedule(self.control, books, desk.verbs())
         if self._outlook is not None:
             self._outlook.offer("mission", "map", "books")
         return books
+
+    def recorder(self, recorder: Recorder | None) -> Recorder | None:
+        """What the body gives its pictures to: who calibrates looks at them, too."""
+        return recorder if self._desk is None else self._desk.stand_before(recorder)
 
     def look_through(self, perception: Looking) -> None:
         """From now on, this is what the robot sees."""

@@ -154,6 +154,15 @@ VERBS: tuple[Verb, ...] = (
         (Argument("part", "text", "brush, filter or sensors"),),
         "books",
     ),
+    Verb("calibration show", "how far the calibration of the cameras is", (), "books"),
+    Verb(
+        "calibration begin",
+        "look for a calibration board in the cameras' pictures, at rest",
+        (Argument("board", "text", "such as charuco:9x6:24mm, its default", optional=True),),
+        "books",
+    ),
+    Verb("calibration save", "keep the calibration that was found", (), "books"),
+    Verb("calibration end", "look for the board no more", (), "books"),
     Verb(
         "history",
         "the last runs",

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from robot.serve.world import World
 
 PREFIX = "/api/v1"
+FAN_LEVELS = ("off", "low", "medium", "high")
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Robot:
     fleet: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     has_fleet: bool = False
     config: Path | None = None  # the runtime's settings, for the support bundle
+    installed: Path = Path("/opt/sweeper")  # where releases are, if it was installed
 
 
 Handler = Callable[[Robot, Request], Awaitable[Response]]

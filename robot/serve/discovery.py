@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from robot import __version__
-from robot.serve.capability import Capability, Robot
+from robot.serve.capability import FAN_LEVELS, Capability, Robot
 
 BASE = "sweeper"
 
@@ -37,8 +37,13 @@ def discovery(
             "send_command_topic": f"{base}/send_command",
             "state_topic": f"{base}/vacuum",
         }
-        if any(capability.name == "rooms" for capability in shown):
+        names = {capability.name for capability in shown}
+        if "rooms" in names:
             parts["vacuum"]["clean_segments_command_topic"] = f"{base}/segments"
+        if "fan" in names:
+            parts["vacuum"]["supported_features"].append("fan_speed")
+            parts["vacuum"]["fan_speed_list"] = list(FAN_LEVELS)
+            parts["vacuum"]["set_fan_speed_topic"] = f"{base}/fan_speed"
         parts["answer"] = {
             "p": "sensor",
             "name": "Last answer",

@@ -1,7 +1,7 @@
-"""Keeps what is drawn on the map, the rooms and the wear of parts fresh for page and MQTT.
+"""Keeps what is drawn on the map, the rooms, the fan and the wear of parts fresh for page and MQTT.
 
 The runtime is asked seldom: after it has come, after a change, after a run, and now and then. Rooms
-cost it a look at its whole map, so they are asked for only while it rests.
+cost it a look at its whole map, so during a run they are asked for only when much floor is new.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from robot.serve.runtime import Runtime, Unreachable
 
 AGAIN_S = 60.0
 SETTLE_S = 0.3  # several changes at once are one
+MUCH_NEW = 1.5  # times as many tiles as when the rooms were asked for
 
 
 class Ledger:
@@ -23,6 +24,7 @@ class Ledger:
     def __init__(self, runtime: Runtime, again_s: float = AGAIN_S) -> None:
         self._runtime, self._again_s = runtime, again_s
         self._rested = False
+        self._tiles = 0  # of the map, when the rooms were asked for
 
     async def run(self) -> None:
         """For ever."""
@@ -68,7 +70,10 @@ class Ledger:
         if world.has("consumables"):
             data = await self._ask("consumables")
             drawn["parts"] = {key: data.get(key, {}) for key in ("hours", "life_h")}
-        if world.has("rooms") and (self._resting() or "rooms" not in drawn):
+        if world.has("fan"):
+            drawn["fan"] = await self._ask("fan")
+        if world.has("rooms") and (self._resting() or len(world.tiles) > MUCH_NEW * self._tiles):
+            self._tiles = len(world.tiles)
             drawn["rooms"] = (await self._ask("rooms")).get("rooms", drawn.get("rooms", []))
         world.draw(drawn)
 

@@ -38,6 +38,7 @@ class ServeOptions:
     mqtt_ca: Path | None = None
     fleet: bool = False
     config: Path | None = None
+    installed: Path = Path("/opt/sweeper")
 
 
 def keyring(state: Path) -> Keyring:
@@ -150,6 +151,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
         fleet,
         has_fleet=options.fleet,
         config=options.config,
+        installed=options.installed,
     )
     off = options.state / OFF_FILE
     hosts = {*LOOPBACK, *(name.lower() for name in options.names)}

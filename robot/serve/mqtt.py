@@ -1,7 +1,7 @@
 """MQTT with Home Assistant's discovery: one device, its parts derived from the capabilities.
 
 Topics below `sweeper/<id>`: `state` and `vacuum` (JSON), `map` (PNG), `available`, all retained;
-`answer` (JSON), not retained; `command`, `send_command` and `segments` come in.
+`answer` (JSON), not retained; `command`, `send_command`, `segments` and `fan_speed` come in.
 The network runs in paho's thread; the robot is spoken to in the event loop's.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 MAX_QUEUED = 64
 MAX_COMMAND_BYTES = 4096
-INCOMING = ("command", "send_command", "segments")
+INCOMING = ("command", "send_command", "segments", "fan_speed")
 MAX_FLEET = 1000
 STATE_EVERY_S = 5.0  # at least; a change is told at once
 MAP_EVERY_S = 5.0  # at most
@@ -134,6 +134,8 @@ class MqttBridge:
         vacuum: dict[str, Any] = {"state": vacuum_state(state["state"], bool(state["charging"]))}
         if rooms := world.drawn.get("rooms"):
             vacuum["segments"] = {room["name"]: room["name"] for room in rooms}
+        if level := world.drawn.get("fan", {}).get("level"):
+            vacuum["fan_speed"] = level
         self._publish("state", json.dumps(state).encode())
         self._publish("vacuum", json.dumps(vacuum).encode())
         self._publish("available", b"online" if self._available() else b"offline")
@@ -215,6 +217,8 @@ class MqttBridge:
         shown = self._shown(self._robot)
         if leaf == "segments":
             return orders.segments(text, shown)
+        if leaf == "fan_speed":
+            return orders.fan_speed(text, shown)
         if leaf == "send_command":
             return orders.command(text, shown)
         return orders.press(text, shown, self._robot.world.status.get("state"))

@@ -1,4 +1,4 @@
-"""What a message of Home Assistant asks for: the vacuum's own words, commands, and segments.
+"""What a message of Home Assistant asks for: the vacuum's own words, commands, segments, fan speed.
 
 Everything is derived from the capabilities, and a command's parameters pass the same check as the
 body of the same request over REST.
@@ -62,9 +62,11 @@ def command(text: str, capabilities: Iterable[Capability]) -> Order:
     known = _known(capabilities)
     if not isinstance(text, str):
         raise BadBody("a command's name is a word")
-    operation = known.get(text.strip().lower().replace("_", " ").replace("-", " "))
-    if operation is None:
+    choice = known.get(text.strip().lower().replace("_", " ").replace("-", " "))
+    if choice is None:
         raise BadBody(f"choose one of {', '.join(sorted(known))}")
+    # Where several operations are the same verb, the parameters tell which is meant.
+    operation = next((o for o in choice if _knows(o, parameters)), choice[0])
     schema = operation.body or NOTHING
     body = read_body(schema, json.dumps(parameters).encode())
     return Order(operation.verb, words(schema, body))
@@ -79,10 +81,19 @@ def segments(text: str, capabilities: Iterable[Capability]) -> Order:
     return command(json.dumps({"command": "clean rooms", "rooms": rooms}), capabilities)
 
 
-def _known(capabilities: Iterable[Capability]) -> dict[str, Operation]:
-    return {
-        operation.verb.replace("-", " "): operation
-        for capability in capabilities
-        for operation in capability.operations
-        if operation.verb and operation.verb not in NOT_BY_MAIL
-    }
+def fan_speed(text: str, capabilities: Iterable[Capability]) -> Order:
+    """The topic `fan_speed`: one of the levels that were announced. Raises BadBody."""
+    return command(json.dumps({"command": "fan", "level": text.strip()}), capabilities)
+
+
+def _known(capabilities: Iterable[Capability]) -> dict[str, list[Operation]]:
+    known: dict[str, list[Operation]] = {}
+    for capability in capabilities:
+        for operation in capability.operations:
+            if operation.verb and operation.verb not in NOT_BY_MAIL:
+                known.setdefault(operation.verb.replace("-", " "), []).append(operation)
+    return known
+
+
+def _knows(operation: Operation, parameters: Iterable[str]) -> bool:
+    return set(parameters) <= (operation.body or NOTHING)["properties"].keys()

@@ -21,6 +21,7 @@ EDITS = frozenset(
     {
         "room split", "room join", "room name", "no-go add", "no-go remove", "wall add",
         "wall remove", "map undo", "map snapshot", "map restore", "consumables reset",
+        "zone add", "zone remove", "fan",
     }
 )  # fmt: skip
 RETRY_S = (0.2, 0.5, 1.0, 2.0)
@@ -57,7 +58,7 @@ class Runtime:
         except (OSError, ValueError) as error:  # TimeoutError is an OSError
             raise Unreachable(f"the robot's runtime does not answer ({_why(error)})") from None
         accepted, data = answer.get("accepted") is True, answer.get("data")
-        if accepted and verb in EDITS:
+        if accepted and verb in EDITS and (args or verb != "fan"):  # without a level it only tells
             self.world.edited()
         return {
             "accepted": accepted,

@@ -62,8 +62,9 @@ def served(tmp_path, control, **more):
     port = free_port()
     keys = Keyring(tmp_path / "keys.json")
     options = ServeOptions(
-        socket=control, runs=tmp_path / "runs", state=tmp_path, port=port, robot_id="t1", **more
-    )
+        socket=control, runs=tmp_path / "runs", state=tmp_path, port=port, robot_id="t1",
+        installed=tmp_path / "opt", **more,
+    )  # fmt: skip
     app = build(options, keys)
     config = uvicorn.Config(
         app, host="127.0.0.1", port=port, http=PatientProtocol, ws="websockets-sansio",

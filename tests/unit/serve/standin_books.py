@@ -6,13 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 
 from robot.body.books import Books
+from robot.body.calibrating import CalibrationDesk
 from robot.errors import RequestError
 from robot.geometry.se2 import SE2
 from robot.mapping.annotations import Annotations
 from robot.mapping.named_rooms import make_rooms
 from robot.mapping.notes import MapNotes
 from robot.messages import Grid
+from robot.mission.asks import _fan
 from robot.mission.editing import edit
+from robot.mission.settings import Settings
 from robot.mission.verbs import VERBS
 
 MAP_VERBS = [verb.name for verb in VERBS if verb.place == "map"]
@@ -28,7 +31,9 @@ class StandInBooks:
         self.labels[:, 120:] = 2
         self.notes = MapNotes()
         self.books = Books(log, folder)
-        self.verbs = dict(self.books.verbs())
+        self.settings = Settings()
+        self.desk = CalibrationDesk(folder, lambda: True)
+        self.verbs = {**self.books.verbs(), **self.desk.verbs(), "fan": self.fan}
         for name in MAP_VERBS:
             self.verbs[name] = lambda args, name=name: self.map(name, args)
 
@@ -44,6 +49,10 @@ class StandInBooks:
             raise RequestError(reply.reason)
         data = {"data": json.loads(reply.data)} if reply.data else {}
         return {"reason": reply.reason, **data}
+
+    def fan(self, args):
+        reply = _fan(None, self, args)  # needs no mission
+        return {"reason": reply.reason, "data": json.loads(reply.data)}
 
     def forget(self):
         """As before the first change."""

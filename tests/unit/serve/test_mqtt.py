@@ -87,6 +87,14 @@ def test_segments_commands_parts_and_answers(flat):
     )
     home.client.publish(vacuum["clean_segments_command_topic"], '["room 2"]', qos=1)
     wait_for(lambda: ("clean rooms", ("room 2",)) in robot.asked)
+    assert vacuum["fan_speed_list"] == ["off", "low", "medium", "high"]
+    assert "fan_speed" in vacuum["supported_features"]
+    wait_for(lambda: home.state("vacuum").get("fan_speed") == "high")
+    home.client.publish(vacuum["set_fan_speed_topic"], "low", qos=1)
+    wait_for(lambda: home.state("vacuum").get("fan_speed") == "low")
+    sent = {"command": "clean zones", "zones": ["Rug"]}
+    home.client.publish(vacuum["send_command_topic"], json.dumps(sent), qos=1)
+    wait_for(lambda: ("clean zones", ("Rug",)) in robot.asked)
     sent = {"command": "clean zones", "zones_m": [[0, 0, 1, 1]]}
     home.client.publish(vacuum["send_command_topic"], json.dumps(sent), qos=1)
     wait_for(lambda: ("clean zones", ("0.0", "0.0", "1.0", "1.0")) in robot.asked)

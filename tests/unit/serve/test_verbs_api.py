@@ -1,12 +1,14 @@
 """Every verb of the runtime's table can be asked over REST, and its arguments arrive whole."""
 
 import json
+from pathlib import Path
 
 import pytest
 from serving import wait_for
 
+from robot.mission.settings import FAN_SHARES
 from robot.mission.verbs import VERBS, understand
-from robot.serve.capability import capabilities
+from robot.serve.capability import FAN_LEVELS, capabilities
 from robot.serve.fields import BadBody, fields, many, read_body, words
 
 ASKED = {
@@ -21,6 +23,7 @@ ASKED = {
         ("room 1", "K\u00fcche"),
     ),
     ("go to", "/go-to"): ({"x_m": 0.123456, "y_m": -2}, ("0.1235", "-2.0")),
+    ("clean zones", "/zones/clean-named"): ({"zones": ["Rug", "Sofa"]}, ("Rug", "Sofa")),
     ("manual", "/manual"): ({"v_mps": 0.1, "yaw_rate_radps": 0.5}, ("0.1", "0.5")),
 }
 
@@ -37,6 +40,7 @@ def test_no_verb_of_the_table_is_forgotten():
         world = type("World", (), {"connected": True, "resolution_m": 1, "landmarks": []})()
         world.hello, world.has = {}, lambda verb: needed.add(verb) or True
         known.world, known.runs, known.has_fleet = world, type("R", (), {"present": 1}), True
+        known.installed = Path("/nowhere")
         capability.has(known)
     assert needed == {verb.name for verb in VERBS}
 
@@ -49,6 +53,51 @@ def test_a_request_arrives_with_its_arguments(house, verb, path):
     assert status == 200 and answer["accepted"], answer
     wait_for(lambda: robot.asked and robot.asked[-1] == (verb, arguments))
     understand((verb, *arguments))
+
+
+def test_the_fan_has_levels_that_the_robot_keeps(house):
+    server, robot, _ = house
+    assert tuple(FAN_SHARES) == FAN_LEVELS
+    assert post(server, "/fan", {"level": "low"})[0] == 200
+    assert server.json("/api/v1/fan")[1]["level"] == "low"
+    assert server.json("/api/v1/fan")[1]["levels"] == list(FAN_LEVELS)
+    assert post(server, "/fan", {"level": "turbo"})[0] == 400
+    assert robot.books.settings.fan == "low"
+
+
+def test_releases_are_shown_and_never_touched(house):
+    server, _, folder = house
+    assert server.json("/api/v1/update")[0] == 404  # nothing is installed
+    home = folder / "opt"
+    for name in ("0.1.0-aaaa", "0.2.0-bbbb"):
+        (home / "releases" / name).mkdir(parents=True)
+    (home / "previous").symlink_to("releases/0.1.0-aaaa")
+    (home / "current").symlink_to("releases/0.2.0-bbbb")
+    (home / "trial").write_text('{"release": "0.2.0-bbbb", "starts": 2}')
+    (home / "history.log").write_text("".join(f"line {n}\n" for n in range(30)))
+    shown = server.json("/api/v1/update")[1]
+    assert (shown["current"], shown["previous"]) == ("0.2.0-bbbb", "0.1.0-aaaa")
+    assert shown["trial_starts"] == 2 and shown["history"][-1] == "line 29"
+    assert shown["update"].startswith("git pull") and shown["rollback"].startswith("sudo")
+    (home / "trial").write_text("[" * 5000)
+    (home / "previous").unlink()
+    shown = server.json("/api/v1/update")[1]
+    assert shown["trial_starts"] is None and shown["rollback"] == ""
+    assert server.ask("/api/v1/update", "POST", body="{}")[0] == 405
+    (home / "current").unlink()
+
+
+def test_a_calibration_is_followed_from_outside(house):
+    server, *_ = house
+    assert post(server, "/calibration/begin", {"board": "a tray"})[0] == 409
+    assert post(server, "/calibration/begin", {})[0] == 200
+    shown = server.json("/api/v1/calibration/views")[1]
+    assert shown["possible"] and shown["running"] and shown["wanted"] == 20
+    assert post(server, "/calibration/save", {})[1]["reason"].startswith("there is no result yet")
+    assert post(server, "/calibration/end", {})[0] == 200
+    status, headers, body = server.ask("/api/v1/calibration/board.png", timeout=120)
+    assert status == 200 and headers["content-type"] == "image/png"
+    assert body.startswith(b"\x89PNG")
 
 
 def test_rooms_are_listed_split_joined_and_named(house):
