@@ -9,7 +9,6 @@ a broken update is rolled back, and that a service that fails again and again en
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import os
 import shutil
@@ -22,6 +21,10 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[1]
+sys.path.insert(0, str(HERE.parent))
+import manage  # noqa: E402
+from slots import Slots  # noqa: E402
+
 TARGET = "trial.target"
 UNITS = "/run/systemd/system"
 STATE = (
@@ -33,15 +36,6 @@ STATE = (
     "StatusText",
     "ExecMainStatus",
 )
-
-
-def tool() -> object:
-    """`deploy/manage.py` as a module."""
-    spec = importlib.util.spec_from_file_location("manage", REPOSITORY / "deploy/manage.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def build(origin: Path, folder: Path) -> None:
@@ -102,9 +96,8 @@ def lay_out(work: Path) -> Path:
 
 def furnish(root: Path) -> None:
     """Install, and a target that pulls in nothing but the robot's units."""
-    manage = tool()
     origin = checkout(root / "tmp/one", "0.1.0")
-    assert manage.main(["install", str(origin), "--root", str(root)], build) == 0  # type: ignore[attr-defined]
+    assert manage.main(["install", str(origin), "--root", str(root)], build) == 0
     (root / "etc/sysusers.d").mkdir(exist_ok=True)
     subprocess.run(["systemd-sysusers", f"--root={root}"], check=True, capture_output=True)
     units = root / UNITS.lstrip("/")
@@ -240,8 +233,7 @@ def interrupted(service: Service, how: Callable[[Service], None]) -> dict[str, f
 
 def rolled_back(service: Service, result: dict[str, object]) -> None:
     """A good update stays; a broken one is gone after three starts."""
-    manage = tool()
-    home = manage.Home(service.root)  # type: ignore[attr-defined]
+    home = Slots(service.root)
     systemctl(service, "reset-failed", "sweeper.service")
     update(service, "0.2.0")
     result["good_s"] = round(
@@ -256,9 +248,8 @@ def rolled_back(service: Service, result: dict[str, object]) -> None:
 
 
 def update(service: Service, version: str, broken: bool = False) -> None:
-    manage = tool()
     origin = checkout(service.root / f"tmp/{version}", version, broken)
-    assert manage.main(["update", str(origin), "--root", str(service.root)], build) == 0  # type: ignore[attr-defined]
+    assert manage.main(["update", str(origin), "--root", str(service.root)], build) == 0
     # Units come with an update; the trial's own, without defaults, stay in front of them.
     systemctl(service, "restart", "--no-block", "sweeper.service")
 

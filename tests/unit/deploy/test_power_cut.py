@@ -5,8 +5,10 @@ import shutil
 
 import numpy as np
 import pytest
+from card import build, run, source
+from manage import update
 from power import aftermaths, record
-from test_manage import build, manage, run, source
+from slots import Slots
 
 from robot.body import store
 from robot.body.calibrate import save
@@ -32,12 +34,12 @@ def test_an_update_leaves_the_old_release_or_the_new_one_and_a_way_back(tmp_path
     run(root, "good")
     shutil.copytree(root, before, symlinks=True)
     new = source(tmp_path, "0.3.0")
-    steps = record(root, lambda: manage.Home(root).update(new, build))
+    steps = record(root, lambda: update(Slots(root), new, build))
     assert {s.what for s in steps} >= {"write", "sync", "sync_folder", "rename", "link"}
     cuts, seen = 0, set()
     for name, card in aftermaths(before, root, steps, scratch, stride):
         cuts += 1
-        home = manage.Home(card)
+        home = Slots(card)
         running = home.release(home.current)
         assert running, name  # whole, and there
         assert running[:5] in ("0.2.0", "0.3.0"), name
@@ -50,7 +52,7 @@ def test_an_update_leaves_the_old_release_or_the_new_one_and_a_way_back(tmp_path
                 home.count()
             assert home.release(home.current).startswith("0.2.0"), name
         else:
-            home.update(new, build)  # a second attempt always succeeds
+            update(home, new, build)  # a second attempt always succeeds
             assert home.release(home.current).startswith("0.3.0"), name
     assert seen == {"0.2.0", "0.3.0"}
     print(f"update: {cuts} cuts")
@@ -65,13 +67,13 @@ def test_a_trials_count_and_rollback_survive_cuts(tmp_path, when):
     run(root, "update", source(tmp_path, "0.2.0"))
     for starts in range(4):
         if starts not in when:
-            manage.Home(root).count()
+            Slots(root).count()
             continue
         shutil.rmtree(before, ignore_errors=True)
         shutil.copytree(root, before, symlinks=True)
-        steps = record(root, manage.Home(root).count)
+        steps = record(root, Slots(root).count)
         for name, card in aftermaths(before, root, steps, scratch):
-            home = manage.Home(card)
+            home = Slots(card)
             assert home.release(home.current), (starts, name)
             for _ in range(5):  # whatever was lost, the way back is found
                 home.count()
@@ -142,6 +144,7 @@ def test_a_calibration_is_the_old_or_the_new_one(tmp_path, rounds):
             lambda m=old_m: save(calibration(m), path, "opencv", None),
             lambda m=new_m: save(calibration(m), path, "opencv", None), judge,
         )  # fmt: skip
+    print(f"calibration: {total} cuts")
     assert total >= 30 * rounds
 
 
@@ -166,6 +169,7 @@ def test_a_map_is_the_old_or_the_new_one_and_never_refused(tmp_path, rounds, mon
             lambda k=k: store.HomeStore(folder).save(k),
             lambda k=k: store.HomeStore(folder).save(k + 100), judge,
         )  # fmt: skip
+    print(f"map: {total} cuts")
     assert total >= 40 * rounds
 
 
