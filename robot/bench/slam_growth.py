@@ -19,7 +19,7 @@ HOMES = (50, 200, 1000)  # landmarks
 _PER_M, _WIDTH_M = 12.0, 2.0  # of the corridor
 _SPEED_MPS, _TURN_RADPS, _STEP_S = 0.25, 0.8, 0.2
 _VIEW_M, _VIEW_RAD = 3.5, 0.6
-_SIGHTS = 20  # frames with fewer, near the ends, are not compared
+_SIGHTS = 24  # of a frame at most; frames with fewer, near the ends, are not compared
 _NO_SCAN = Scan(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
@@ -42,11 +42,11 @@ class Corridor:
         return Corridor(length_m, places, heights, [rng.bytes(32) for _ in range(count)])
 
     def look(self, pose: SE2, tracks: Tracks, rng: np.random.Generator) -> tuple[Landmark, ...]:
-        """What is seen from `pose`, the nearest 40 of it."""
+        """What is seen from `pose`, the nearest of it."""
         x, y = pose.inverse().apply(self.places).T
         range_m, bearing = np.hypot(x, y), np.arctan2(y, x)
         seen = np.flatnonzero((range_m > 0.3) & (range_m < _VIEW_M) & (np.abs(bearing) < _VIEW_RAD))
-        seen = seen[np.argsort(range_m[seen])][:40]
+        seen = seen[np.argsort(range_m[seen])][:_SIGHTS]
         sigma = np.column_stack([0.02 * range_m[seen] ** 2 / 2.0, np.full(len(seen), 0.003)])
         wrong = rng.normal(0.0, sigma)
         return tuple(

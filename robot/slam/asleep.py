@@ -42,10 +42,7 @@ class Group:
     anchor_place: np.ndarray  # (2 k,) at the same time
     gain: np.ndarray  # (2 m, 2 k), G
     own: np.ndarray  # (2 m, 2 m), C
-
-    def centre(self) -> np.ndarray:
-        """Middle (2,) of the group where it fell asleep; it moves by drift only."""
-        return np.asarray(self.place.reshape(-1, 2).mean(axis=0))
+    centre: np.ndarray  # (2,) middle of the group where it fell asleep; it moves by drift only
 
 
 def state_entries(landmarks: np.ndarray) -> np.ndarray:
@@ -61,7 +58,9 @@ def put_to_sleep(ekf: LandmarkFilter, entries: list[Entry], anchors: list[Entry]
     across = cov[np.ix_(b, a)]
     gain = np.linalg.solve(cov[np.ix_(a, a)], across.T).T if len(a) else across
     own = cov[np.ix_(b, b)] - gain @ across.T
-    return Group(list(entries), list(anchors), ekf.x[b], ekf.x[a], gain, 0.5 * (own + own.T))
+    own = 0.5 * (own + own.T)
+    centre = ekf.x[b].reshape(-1, 2).mean(axis=0)
+    return Group(list(entries), list(anchors), ekf.x[b], ekf.x[a], gain, own, centre)
 
 
 def wake_up(ekf: LandmarkFilter, group: Group) -> None:
@@ -122,7 +121,7 @@ class Sleepers:
         if not self.groups:
             return []
         here = ekf.x[POSE][:2]
-        away_m = np.hypot(*(np.array([group.centre() for group in self.groups]) - here).T)
+        away_m = np.hypot(*(np.array([group.centre for group in self.groups]) - here).T)
         nearest = int(np.argmin(away_m))
         if away_m[nearest] > _WAKE_M:
             return []
