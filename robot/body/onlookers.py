@@ -34,6 +34,7 @@ class Onlookers:
     def __init__(self, socket: Path | None, config: Config, body: str, stack: ExitStack) -> None:
         """Raises HardwareError when the socket cannot be opened."""
         self._config, self._body, self._stack = config, body, stack
+        self._exact = EXACT if body == "sim" else ""
         self._looking: Looking | None = None
         self._outlook: Outlook | None = None
         self._desk: CalibrationDesk | None = None
@@ -47,8 +48,7 @@ class Onlookers:
         """The schedule asks, too, and the books can be looked up. Raises ConfigError."""
         books = Books(log, folder)
         self._stack.callback(books.close)
-        why_not = EXACT if self._body == "sim" else ""
-        desk = self._desk = CalibrationDesk(folder, books.resting, why_not)
+        desk = self._desk = CalibrationDesk(folder, books.resting, self._exact)
         self._stack.callback(desk.close)
         self.asked = WithSchedule(self.control, books, desk.verbs())
         if self._outlook is not None:
@@ -73,7 +73,7 @@ class Onlookers:
         diary = Diary(observer, folder)
         outlook = self._outlook = Outlook(diary, brain, self._body, config.robot.radius_m)
         outlook.offer("mission", "map")  # until somebody keeps books
-        publisher = Publisher(outlook, self._looked, lambda: check_running(config))
+        publisher = Publisher(outlook, self._looked, lambda: check_running(config, self._exact))
         self._stack.callback(publisher.stop)
         self.control.adopt = publisher.adopt
         publisher.start()

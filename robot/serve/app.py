@@ -24,8 +24,8 @@ from robot.serve.runtime import Unreachable
 
 Service = Callable[[], Awaitable[None]]
 PAGE_FILES = (
-    "app.js", "drive.js", "health.js", "kit.js", "map.js", "plan.js", "rooms.js", "sketch.js",
-    "style.css", "icon.svg", "manifest.webmanifest",
+    "app.js", "calibrate.js", "drive.js", "fan.js", "health.js", "kit.js", "map.js", "plan.js",
+    "rooms.js", "sketch.js", "style.css", "icon.svg", "manifest.webmanifest",
 )  # fmt: skip
 mimetypes.add_type("application/manifest+json", ".webmanifest")
 mimetypes.add_type("text/javascript", ".js")

@@ -1,7 +1,9 @@
 // The page's state, its live line to the robot, and everything around the map.
 import { $, API, button as pressable, clock, get, make, post, sentence, text, toast } from "/kit.js";
+import { Calibrate } from "/calibrate.js";
 import { Drive } from "/drive.js";
-import { check, facts, fleet, history } from "/health.js";
+import { fan } from "/fan.js";
+import { check, facts, fleet, history, releases } from "/health.js";
 import { MapView } from "/map.js";
 import { Plan } from "/plan.js";
 import { Rooms } from "/rooms.js";
@@ -18,7 +20,7 @@ const now = { status: {}, caps: new Map(), tab: "now", socket: null, wait: 500, 
 window.sweeper = { map, now }; // for a look from the browser's console
 
 const has = (name) => now.caps.has(name);
-const rooms = new Rooms(map, has), plan = new Plan(has), drive = new Drive(wish);
+const rooms = new Rooms(map, has), plan = new Plan(has), drive = new Drive(wish), calibrate = new Calibrate(has, wish);
 
 // ------------------------------------------------------------------ what the robot can do
 
@@ -28,12 +30,13 @@ async function learn() {
     now.caps = new Map(capabilities.map((capability) => [capability.name, capability]));
     text("name", name);
     document.title = name;
-    for (const [id, needed] of [["show-camera", "camera"], ["show-landmarks", "landmarks"], ["tab-history", "history"], ["recheck", "check"], ["drive-box", "manual"], ["bundle", "bundle"], ["fleet-box", "fleet"]]) $(id).hidden = !has(needed);
+    for (const [id, needed] of [["show-camera", "camera"], ["show-landmarks", "landmarks"], ["tab-history", "history"], ["recheck", "check"], ["drive-box", "manual"], ["bundle", "bundle"], ["fleet-box", "fleet"], ["update-box", "update"]]) $(id).hidden = !has(needed);
     $("tab-map").hidden = !["zones", "rooms", "no_go", "walls", "go_to"].some(has);
     $("tab-plan").hidden = !["schedules", "consumables"].some(has);
     $("show-rooms").hidden = !has("rooms");
     rooms.learn();
     plan.learn();
+    fan(map.drawn.fan, has);
     buttons();
   } catch (error) { toast(sentence(error.message)); }
 }
@@ -99,7 +102,7 @@ function hear(news) {
   else if (news.type === "pose") { map.setPose(news); speed(news); }
   else if (news.type === "track") map.setTrack(news.first, news.xy_m);
   else if (news.type === "map") { if (news.resolution_m) map.resolution = news.resolution_m; if (!has("map")) learn(); }
-  else if (news.type === "drawn") { rooms.show(news); plan.show(news); }
+  else if (news.type === "drawn") { rooms.show(news); plan.show(news); fan(news.fan, has); }
   else if (news.type === "drove") drive.hear(news);
   else if (news.type === "landmarks") { map.landmarks = news.points; map.ask(); }
 }
@@ -148,10 +151,11 @@ function speed({ v_mps, health }) {
 }
 
 function picture(bytes) {
-  const eye = $(bytes[1] === 0 ? "eye-left" : "eye-disparity");
-  const url = URL.createObjectURL(new Blob([bytes.subarray(2)], { type: "image/jpeg" }));
-  eye.onload = () => URL.revokeObjectURL(url);
-  eye.src = url;
+  for (const id of bytes[1] === 0 ? ["eye-left", "cal-eye"] : ["eye-disparity"]) {
+    const eye = $(id), url = URL.createObjectURL(new Blob([bytes.subarray(2)], { type: "image/jpeg" }));
+    eye.onload = () => URL.revokeObjectURL(url);
+    eye.src = url;
+  }
 }
 
 // ------------------------------------------------------------------ hands
@@ -166,7 +170,7 @@ function open(name) {
   }
   if (name === "history") history();
   if (name === "plan") plan.open();
-  if (name === "health") { facts(now.status, now.hello); if (has("check")) check(); if (has("fleet")) fleet(); }
+  if (name === "health") { facts(now.status, now.hello); calibrate.tell(); if (has("check")) check(); if (has("fleet")) fleet(); if (has("update")) releases(); }
 }
 
 const tabs = [...document.querySelectorAll('[role="tab"]')];
@@ -194,7 +198,9 @@ $("fit").addEventListener("click", () => map.fit());
 toggle("show-track", (on) => { map.showTrack = on; map.ask(); });
 toggle("show-rooms", (on) => { map.showRooms = on; map.ask(); });
 toggle("show-landmarks", (on) => { map.showLandmarks = on; wish({ landmarks: on }); map.ask(); });
-toggle("show-camera", (on) => { $("camera").hidden = !on; look(); });
+toggle("show-camera", (on) => { $("camera").hidden = !on; map.cover($("camera")); look(); });
+for (const tool of document.querySelectorAll(".tools button")) tool.title = tool.getAttribute("aria-label");
+$("drive-box").addEventListener("toggle", () => { if ($("drive-box").open) $("drive-box").scrollIntoView({ block: "end" }); });
 $("recheck").addEventListener("click", check);
 $("viewer-close").addEventListener("click", () => $("viewer").close());
 $("logout").addEventListener("click", async () => { await get("/logout", { method: "POST" }).catch(() => {}); location.reload(); });

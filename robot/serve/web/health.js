@@ -1,5 +1,5 @@
 // The tabs "Runs" and "Health": what was, and how the robot is.
-import { $, API, clock, get, make, refresh, sentence, toast } from "/kit.js";
+import { $, API, clock, get, make, refresh, sentence, text, toast } from "/kit.js";
 
 export async function history() {
   try {
@@ -21,9 +21,9 @@ function card({ id, files, summary }) {
   const links = [["log.mcap", "Log"], ["trajectory.tum", "Track"], ["map.pgm", "Map file"], ["summary.json", "Figures"]].filter(([file]) => file in files);
   const thumb = make("button", { type: "button", class: "thumb", "aria-label": `Map of ${words}`, onclick: () => view(id, words) });
   if ("map.png" in files) thumb.append(make("img", { src: `${API}/runs/${id}/map.png`, alt: "", loading: "lazy" }));
-  else thumb.disabled = true;
+  else { thumb.disabled = true; thumb.append(make("span", {}, "no map yet")); }
   return make("li", { class: "run" }, thumb, make("div", {},
-    make("h2", {}, words), make("p", {}, figures.join(" · ") || (summary ? "" : "Still going on, or it was cut off.")),
+    make("h2", {}, words), make("p", {}, figures.join(" · ") || (summary ? "" : "The log since it was switched on: still growing, or cut off.")),
     make("p", {}, s.state ? sentence(s.reason || s.state) : ""), make("nav", { "aria-label": `Files of ${words}` }, ...links.map(([file, label]) => link(file, label)))));
 }
 
@@ -48,6 +48,20 @@ export function facts(s, hello) {
     bar.style.width = `${(100 * ms) / most}%`;
     return make("li", {}, make("span", {}, name), make("span", {}, bar), make("b", {}, `${ms.toFixed(1)} ms`));
   }));
+  const sum = stages.reduce((all, [, ms]) => all + ms, 0);
+  text("stages-sum", stages.length ? `${sum.toFixed(0)} ms together; ten frames a second leave 100 ms.` : "No frame has been seen yet.");
+}
+
+// What is installed, and what to type: this page itself installs nothing.
+export async function releases() {
+  try {
+    const { current, previous, trial_starts: starts, update, rollback } = await get("/update");
+    const rows = [["Runs now", starts == null ? current : `${current}, on trial (${starts} starts)`], ["Way back", previous || "none"]];
+    $("slots").replaceChildren(...rows.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
+    text("update-words", update);
+    text("rollback-words", rollback);
+    $("rollback").hidden = !rollback;
+  } catch (error) { toast(sentence(error.message)); }
 }
 
 export async function check() {

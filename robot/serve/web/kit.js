@@ -15,7 +15,8 @@ export function make(tag, attributes = {}, ...children) {
 }
 
 export const clock = (s) => (s == null ? "–" : `${Math.floor(s / 60)}:${String(Math.floor(s % 60)).padStart(2, "0")}`);
-export const sentence = (words) => (words ? words[0].toUpperCase() + words.slice(1) + (/[.!?]$/.test(words) ? "" : ".") : "");
+// With a capital and a full stop; names such as camera.calibration stay as they are.
+export const sentence = (words) => (words ? (/^[a-z_]+[._/]\w/.test(words) ? words[0] : words[0].toUpperCase()) + words.slice(1) + (/[.!?]$/.test(words) ? "" : ".") : "");
 
 export function toast(words, good = false) {
   text("toast", words);

@@ -20,6 +20,7 @@ export class MapView {
     this.showLandmarks = false;
     this.centre = { x: 0, y: 0 };
     this.scale = 80; // CSS pixels per metre
+    this.inset = { left: 0, top: 0 }; // what lies over the map beside the bars, CSS pixels
     this.following = true; // the view shows everything until a person moves it
     this.pointers = new Map();
     this.drawn = {}; // rooms, annotations
@@ -77,13 +78,21 @@ export class MapView {
 
   fit() {
     const box = this.bounds();
-    const top = 56, margin = 20, low = this.floorPx(), right = this.narrow ? 0 : 48; // the bars lie over the canvas
+    const top = Math.max(56, this.inset.top), margin = 20, low = this.floorPx(), right = this.narrow ? 0 : 48; // the bars lie over the canvas
+    const left = this.inset.left;
     this.scale = Math.min(
-      (this.width - 2 * margin - right) / (box.x1 - box.x0),
+      (this.width - 2 * margin - right - left) / (box.x1 - box.x0),
       Math.max(60, this.height - top - margin - low) / (box.y1 - box.y0), 220);
-    this.centre = { x: (box.x0 + box.x1) / 2 + right / 2 / this.scale, y: (box.y0 + box.y1) / 2 + (top - margin - low) / 2 / this.scale };
+    this.centre = { x: (box.x0 + box.x1) / 2 + (right - left) / 2 / this.scale, y: (box.y0 + box.y1) / 2 + (top - margin - low) / 2 / this.scale };
     this.following = true;
     this.ask();
+  }
+
+  // Something has come to lie over the map, or has gone: above it on a phone, at its left elsewhere.
+  cover(thing) {
+    const { offsetLeft, offsetTop, offsetWidth, offsetHeight } = thing;
+    this.inset = thing.hidden ? { left: 0, top: 0 } : this.narrow ? { left: 0, top: offsetTop + offsetHeight } : { left: offsetLeft + offsetWidth, top: 0 };
+    if (this.following) this.fit();
   }
 
   get narrow() { return window.matchMedia("(max-width: 859px)").matches; }

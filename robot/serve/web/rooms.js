@@ -13,6 +13,7 @@ export class Rooms {
     $("draw-wall").addEventListener("click", () => this.draw("wall"));
     $("draw-go-to").addEventListener("click", () => this.draw("go-to"));
     $("rooms-split").addEventListener("click", () => this.draw("split"));
+    $("sketch-save").addEventListener("submit", (event) => this.save(event));
     $("sketch-done").addEventListener("click", () => this.finish());
     $("sketch-cancel").addEventListener("click", () => map.sketch.stop());
     $("rooms-clean").addEventListener("click", async () => { if (await post("/rooms/clean", { rooms: [...map.chosen] })) this.forget(); });
@@ -58,8 +59,10 @@ export class Rooms {
     $("rooms-join").disabled = chosen.size !== 2;
     $("rooms-split").disabled = rooms.length === 0;
     $("rooms-name").hidden = chosen.size !== 1;
-    const marks = [...(annotations.no_go || []).map(({ name }) => ["no-go", name]), ...(annotations.walls || []).map(({ name }) => ["walls", name])];
-    refresh($("marks"), marks, () => marks.map(([kind, name]) => make("li", {}, make("span", {}, name), make("span", { class: "soft" }, kind === "walls" ? "virtual wall" : "no-go area"),
+    const marks = [["no-go", "no_go"], ["walls", "walls"], ["zones", "zones"]].flatMap(([kind, key]) => (annotations[key] || []).map(({ name }) => [kind, name]));
+    refresh($("marks"), marks, () => marks.map(([kind, name]) => make("li", {}, make("span", {}, name), kind === "zones"
+      ? button("Clean", () => post("/zones/clean-named", { zones: [name] }), { class: "quiet small", "aria-label": `Clean ${name}` })
+      : make("span", { class: "soft" }, kind === "walls" ? "virtual wall" : "no-go area"),
       button("Remove", () => post(`/${kind}/remove`, { name }), { class: "quiet small", "aria-label": `Remove ${name}` }))));
     $("nomarks").hidden = marks.length > 0;
     refresh($("snapshots"), snapshots, () => snapshots.map((name) => make("li", {}, make("span", {}, name), make("span"),
@@ -95,6 +98,14 @@ export class Rooms {
     const words = { zones: shapes.length > 1 ? `Clean ${shapes.length} zones` : "Clean the zone", "no-go": "Keep it out", wall: "Put the wall up", split: "Split", "go-to": "Go there" }[kind];
     text("sketch-done", words);
     $("sketch-done").disabled = shapes.length === 0;
+    $("sketch-save").hidden = kind !== "zones" || shapes.length !== 1;
+  }
+
+  // Keep the zone under a name; it can be cleaned from the list then.
+  async save(event) {
+    event.preventDefault();
+    const { sketch } = this.map, [[x0, y0, x1, y1]] = sketch.shapes, field = $("sketch-name");
+    if (await post("/zones/add", { name: field.value.trim(), corners_m: [[x0, y0], [x1, y1]] })) { field.value = ""; sketch.stop(); }
   }
 
   async finish() {

@@ -101,6 +101,12 @@ export function paintDrawn(view, p) {
     p.globalAlpha = 0.22; p.fill(); p.globalAlpha = 1;
     p.lineWidth = 1.5 * px; p.stroke();
   }
+  p.strokeStyle = view.colour.robot;
+  p.lineWidth = 1.5 * px;
+  p.setLineDash([6 * px, 4 * px]);
+  for (const { corners_m: corners } of annotations.zones || []) { path(p, corners); p.stroke(); }
+  p.setLineDash([]);
+  p.strokeStyle = view.colour.danger;
   p.lineWidth = 3.5 * px;
   p.lineCap = "round";
   for (const { start_m: a, end_m: b } of annotations.walls || []) { p.beginPath(); p.moveTo(...a); p.lineTo(...b); p.stroke(); }
@@ -118,8 +124,9 @@ export function paintNames(view, p) {
   p.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
   p.textAlign = "center"; p.textBaseline = "middle"; p.lineJoin = "round";
   if (view.showRooms && s > 14) for (const { name, at_m: [x, y] } of rooms) put(name, x, y, view.colour.ink, 13);
-  if (s > 30) for (const { name, corners_m: c } of annotations.no_go || []) {
-    put(name, c.reduce((sum, [x]) => sum + x, 0) / c.length, c.reduce((sum, [, y]) => sum + y, 0) / c.length, view.colour.danger, 11);
+  const middle = (corners, axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length;
+  for (const [key, colour] of s > 30 ? [["no_go", view.colour.danger], ["zones", view.colour.robot]] : []) {
+    for (const { name, corners_m: c } of annotations[key] || []) put(name, middle(c, 0), middle(c, 1), colour, 11);
   }
   p.textAlign = "start"; p.textBaseline = "alphabetic";
 }
