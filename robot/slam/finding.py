@@ -88,11 +88,11 @@ class SelfFinder:
             glimpse = self._look(seen, _CALM_EVERY_NS, seen.t_ns - _CALM_EVERY_NS)
         if glimpse is None:
             return
-        if self._contradicts(glimpse.map_from_local @ self._local_from_base, pose, cov):
+        if not self._contradicts(glimpse.map_from_local @ self._local_from_base, pose, cov):
+            self._sure_ns = self.placed_ns = seen.t_ns
+        elif in_doubt or glimpse.confirmed:  # one look is no match for landmarks long known
             self.lost = True  # the relocaliser goes on with what it has seen
             self._drop_new()
-        else:
-            self._sure_ns = self.placed_ns = seen.t_ns
 
     def _learn(self, seen: Seen, pose: SE2) -> None:
         """New places wait, so that an error of the pose is not confirmed by what it made."""

@@ -38,6 +38,7 @@ _MIN_INLIERS = 12
 _SHARE = 0.2  # of the points in view must be found in the map
 _RIVAL = 0.5
 _AGREE_M, _AGREE_RAD = 0.15, 0.08
+_MOVED_M, _TURNED_RAD = 0.3, 0.3  # a look from so far away is another look
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +147,24 @@ def _apart(one: SE2, other: SE2) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
+class _Look:
+    """A vote, and where the robot stood in its local frame when it looked."""
+
+    t_ns: int
+    local_from_base: SE2
+    fix: Fix
+
+    def agrees(self, earlier: _Look) -> bool:
+        recent = self.t_ns - earlier.t_ns <= _MEMORY_NS
+        return recent and self.fix.near(earlier.fix, _AGREE_M, _AGREE_RAD)
+
+    def shows_more_than(self, earlier: _Look) -> bool:
+        """Whether the robot has turned or moved since: the same points would only repeat a vote."""
+        moved = earlier.local_from_base.inverse() @ self.local_from_base
+        return math.hypot(moved.x_m, moved.y_m) > _MOVED_M or abs(moved.yaw_rad) > _TURNED_RAD
+
+
+@dataclass(frozen=True, slots=True)
 class Glimpse:
     """A good vote for a pose; `confirmed` by an earlier one from another look."""
 
@@ -159,7 +178,7 @@ class Relocaliser:
     def __init__(self) -> None:
         self._tracks = Tracks()
         self._tried_ns: int | None = None
-        self._earlier: tuple[int, Fix] | None = None
+        self._earlier: _Look | None = None
 
     def look(
         self,
@@ -180,14 +199,17 @@ class Relocaliser:
         self._tried_ns = t_ns
         self._tracks.forget(max(t_ns - _MEMORY_NS, since_ns))
         fix = find_pose(self._tracks.points(_LOCAL_SIGHTINGS), places)
-        return self._weigh(t_ns, fix) if fix is not None else None
+        return None if fix is None else self._weigh(_Look(t_ns, local_from_base, fix))
 
-    def _weigh(self, t_ns: int, fix: Fix) -> Glimpse | None:
+    def _weigh(self, look: _Look) -> Glimpse | None:
+        fix = look.fix
         good = fix.inliers >= max(_MIN_INLIERS, _SHARE * fix.points)
         good &= fix.runner_up <= _RIVAL * fix.inliers and fix.spread_m > _LEVER_M
         if not good:
             return None
-        earlier, self._earlier = self._earlier, (t_ns, fix)
-        recent = earlier is not None and t_ns - earlier[0] <= _MEMORY_NS
-        confirmed = recent and earlier is not None and fix.near(earlier[1], _AGREE_M, _AGREE_RAD)
+        first = self._earlier
+        agrees = first is not None and look.agrees(first)
+        confirmed = first is not None and agrees and look.shows_more_than(first)
+        if confirmed or not agrees:
+            self._earlier = look
         return Glimpse(fix.map_from_local, confirmed)

@@ -1,7 +1,7 @@
 """Carried away, lifted, switched off and on again: the robot knows that, and finds itself."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,9 @@ from synthetic_flat import Drive, drive
 from robot.config import RobotConfig, SlamConfig
 from robot.geometry.se2 import SE2
 from robot.messages import PoseEstimate, Seen
+from robot.slam.finding import SelfFinder
 from robot.slam.memory import SlamMemory
+from robot.slam.relocalise import Glimpse
 from robot.slam.slam import Slam
 
 S = 1_000_000_000
@@ -120,6 +122,28 @@ def test_carried_away_unnoticed_it_notices(memory: SlamMemory, ride: Drive, to_s
     assert found
     assert max(found) < 0.3
     assert found[-1] < 0.1
+
+
+@dataclass(frozen=True)
+class Insists:
+    """A relocaliser that always names one pose."""
+
+    glimpse: Glimpse
+
+    def look(self, *_: object) -> Glimpse:
+        return self.glimpse
+
+
+@pytest.mark.parametrize("confirmed", [False, True])
+def test_one_look_does_not_outweigh_landmarks_long_known(confirmed: bool, ride: Drive) -> None:
+    finder = SelfFinder(CONFIG)
+    finder._relocaliser = Insists(Glimpse(SE2(3.0, 0.0, 0.0), confirmed))  # type: ignore[assignment]
+    seen = next(event for event in ride.events if isinstance(event, Seen))
+    finder.judge(seen, familiar=5, pose=SE2(), cov=SURE)
+    assert finder.lost is confirmed
+    finder.found(seen.t_ns)
+    finder.judge(replace(seen, t_ns=seen.t_ns + 3 * S), familiar=0, pose=SE2(), cov=SURE)
+    assert finder.lost
 
 
 def test_in_a_foreign_home_it_stays_lost(memory: SlamMemory) -> None:

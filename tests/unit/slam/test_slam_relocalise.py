@@ -60,11 +60,13 @@ def looks(places: PlacePoints, rng: np.random.Generator) -> list[tuple[Landmark,
     return [tuple(_landmark(places, i, rng) for i in near) for _ in range(5)]
 
 
-def _landmark(places: PlacePoints, i: int, rng: np.random.Generator) -> Landmark:
+def _landmark(
+    places: PlacePoints, i: int, rng: np.random.Generator, yaw_rad: float = 0.0
+) -> Landmark:
     x, y = places.xy_m[i]
     return Landmark(
         math.hypot(x, y) + float(rng.normal(0, 0.02)),
-        math.atan2(y, x),
+        math.atan2(y, x) - yaw_rad,
         np.diag([0.02, 0.01]) ** 2,
         places.signature[i].tobytes(),
         "point",
@@ -73,14 +75,19 @@ def _landmark(places: PlacePoints, i: int, rng: np.random.Generator) -> Landmark
     )
 
 
-def test_certain_only_at_the_second_look() -> None:
+def test_certain_only_at_a_look_from_a_turned_head() -> None:
     rng = np.random.default_rng(3)
     places, finder, glimpses = points(rng, 400), Relocaliser(), []
     for k, frame in enumerate(looks(places, rng) * 2):
         glimpses.append(finder.look(k * S // 5, frame, SE2(), places, S // 2))
     good = [glimpse for glimpse in glimpses if glimpse is not None]
-    assert [glimpse.confirmed for glimpse in good[:2]] == [False, True]
+    assert len(good) > 2 and not any(glimpse.confirmed for glimpse in good)
     assert math.hypot(good[1].map_from_local.x_m, good[1].map_from_local.y_m) < 0.05
+    near = np.argsort(np.hypot(*places.xy_m.T))[:40]
+    turned = tuple(_landmark(places, i, rng, 0.5) for i in near)
+    last = finder.look(3 * S, turned, SE2(0.0, 0.0, 0.5), places, S // 2)
+    assert last is not None and last.confirmed
+    assert abs(last.map_from_local.yaw_rad) < 0.05
 
 
 def test_twin_rooms_are_not_told_apart_by_guessing() -> None:
