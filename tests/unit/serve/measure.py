@@ -1,15 +1,17 @@
 """The figures of docs in robot/serve/README.md: `python tests/unit/serve/measure.py`.
 
 A stand-in ticks at 50 Hz in this process, the server is a process of its own as on a robot. Ticks
-are measured alone, then while the server is attacked, in short turns: a busy machine disturbs both.
-Server and attackers stand behind the runtime when the processor is short, 18 to 1 as the units'
-`CPUWeight` has it; SWEEPER_EQUAL=1 makes them its equals. What a tick costs is told in CPU time of
-its thread, too, which other programs do not lengthen. An order over HTTP is timed beside the same
-order straight to the runtime's socket.
+are measured in turns of a second and a half: the attackers are held (SIGSTOP) and let go in turn,
+so that whatever else the machine does disturbs calm and attacked ticks alike. A ratio is told with
+its range of 90 % over turns drawn again (bootstrap). Server and attackers stand behind the runtime
+when the processor is short, 18 to 1 as the units' `CPUWeight` has it; SWEEPER_EQUAL=1 makes them
+its equals. What a tick costs is told in CPU time of its thread, too, which other programs do not
+lengthen. An order over HTTP is timed beside the same order straight to the runtime's socket.
 """
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -28,7 +30,8 @@ from websockets.sync.client import connect
 from robot.body.control import ask
 from robot.serve.keys import Keyring
 
-ROUNDS, ROUND_S = 6, 8.0
+TURNS, TURN_S, SETTLE_S = int(os.environ.get("SWEEPER_TURNS", "60")), 1.5, 0.3
+KINDS = ("tick_wall_ms", "tick_late_ms", "tick_cpu_ms")
 
 
 class Ticking(StandIn):
@@ -151,25 +154,14 @@ def main():
         figures["command_ms"] = command_ms(server)
         figures["order_ms"] = order_ms(server, robot, folder / "control.sock")
         server.json("/api/v1/start", "POST")
-        calm, busy, most_mb = ([], [], []), ([], [], []), 0.0
-        for _ in range(ROUNDS):
-            collect(robot, calm)
-            crowd = behind([sys.executable, __file__, str(port), token], stdin=subprocess.PIPE)
-            time.sleep(4)
-            collect(robot, busy)
-            most_mb = max(most_mb, resident_mb(process.pid))
-            crowd.kill()
-            crowd.wait(timeout=60)
-            crowd.stdin.close()
-            time.sleep(2)
+        calm, busy, most_mb, lines = under_attack(robot, process.pid, port, token)
+        figures["attackers_connections"] = lines
         figures["attacked_resident_mb"] = round(most_mb, 1)
-        for name, index in (("tick_cost_ms", 0), ("tick_late_ms", 1), ("tick_cpu_ms", 2)):
+        figures["ticks"] = [sum(len(turn[0]) for turn in turns) for turns in (calm, busy)]
+        for index, kind in enumerate(KINDS):
             for quantile in (50.0, 99.0, 99.9):
-                values = [
-                    round(float(np.percentile(s[index], quantile)) * 1e3, 3) for s in (calm, busy)
-                ]
-                figures[f"{name}_p{quantile:g}_calm_attacked"] = values
-        figures["ticks"] = [len(calm[0]), len(busy[0])]
+                pair = [[turn[index] for turn in turns] for turns in (calm, busy)]
+                figures[f"{kind}_p{quantile:g}"] = compared(*pair, quantile)
     finally:
         process.terminate()
         process.wait(timeout=20)
@@ -177,14 +169,58 @@ def main():
     print(json.dumps(figures, indent=2))
 
 
-def collect(robot, into):
-    robot.costs.clear()
-    robot.lates.clear()
-    robot.cpu.clear()
-    time.sleep(ROUND_S)
-    into[0].extend(robot.costs)
-    into[1].extend(robot.lates)
-    into[2].extend(robot.cpu)
+def under_attack(robot, server_pid, port, token):
+    """Turns of ticks while the attackers are held, and while they are at it; serve's most MB; the
+    median number of connections that the attackers hold.
+    """
+    crowd = behind([sys.executable, __file__, str(port), token], stdin=subprocess.PIPE)
+    calm, busy, most_mb, lines = [], [], 0.0, []
+    try:
+        wait_for(lambda: connections(port) > 500, 120)
+        for _ in range(TURNS):
+            crowd.send_signal(signal.SIGSTOP)
+            calm.append(one_turn(robot))
+            crowd.send_signal(signal.SIGCONT)
+            busy.append(one_turn(robot))
+            most_mb = max(most_mb, resident_mb(server_pid))
+            lines.append(connections(port))
+    finally:
+        crowd.kill()
+        crowd.wait(timeout=60)
+        crowd.stdin.close()
+    return calm, busy, most_mb, int(np.median(lines))
+
+
+def connections(port):
+    """How many are open to this port."""
+    rows = Path("/proc/net/tcp").read_text().splitlines()[1:]
+    return sum(row.split()[1].endswith(f":{port:04X}") and row.split()[3] == "01" for row in rows)
+
+
+def one_turn(robot):
+    """Wall time, lateness and CPU time of each tick, after what was under way has settled."""
+    time.sleep(SETTLE_S)
+    kept = (robot.costs, robot.lates, robot.cpu)
+    for values in kept:
+        values.clear()
+    time.sleep(TURN_S)
+    return [list(values) for values in kept]
+
+
+def compared(calm, busy, quantile, draws=1000):
+    """[calm ms, attacked ms, ratio, its 5 % and its 95 % over turns drawn again]."""
+    rng = np.random.default_rng(0)
+
+    def ms(turns):
+        return float(np.percentile(np.concatenate(turns), quantile)) * 1e3
+
+    ratios = []
+    for _ in range(draws):
+        drawn = rng.integers(len(calm), size=(2, len(calm)))
+        ratios.append(ms([busy[k] for k in drawn[1]]) / ms([calm[k] for k in drawn[0]]))
+    low, high = np.percentile(ratios, [5, 95])
+    figures = (ms(calm), ms(busy), ms(busy) / ms(calm), low, high)
+    return [round(float(figure), 3) for figure in figures]
 
 
 def order_ms(server, robot, control):

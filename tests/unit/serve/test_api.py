@@ -3,6 +3,7 @@
 import json
 import struct
 import zlib
+from pathlib import Path
 
 from serving import wait_for
 
@@ -80,6 +81,7 @@ def test_a_robot_that_knows_less_shows_less():
     class Robot:
         world, has_fleet, name = World(), False, "r"
         runs = type("Runs", (), {"present": False})()
+        installed = Path("/nowhere")
 
     names = {capability.name for capability in shown(Robot())}
     assert names == {"start", "status", "track", "check", "calibration", "bundle"}

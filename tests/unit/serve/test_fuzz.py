@@ -78,6 +78,7 @@ def test_odd_requests_are_answered_without_a_failure(house):
         assert status >= 0, (number, request)
         if number % 500 == 0:
             server.app._rules.failures._levels.clear()
+            print(f"{number} odd requests so far", flush=True)
     print(f"{CASES - SCHEMA_CASES} odd requests: {dict(sorted(statuses.items()))}")
     assert len(statuses) >= 4
     server.app._rules.failures._levels.clear()
@@ -114,7 +115,10 @@ def test_everything_the_description_allows_is_answered_as_described(house):
     operations = [o for r in schema.get_all_operations() if (o := r.ok()).path != "/bundle"]
     assert len(operations) > 10
     each = max(3, SCHEMA_CASES // len(operations))
-    asked = sum(ask_as_described(server, operation, each) for operation in operations)
+    asked = 0
+    for operation in operations:
+        asked += ask_as_described(server, operation, each)
+        print(f"{asked} cases as described so far", flush=True)
     print(f"{asked} cases over {len(operations)} operations")
 
 
