@@ -169,7 +169,7 @@ class MappingConfig(Section):
     min_thickness_m: Positive = 0.05  # what is hit is taken to be at least so deep
     free_weight: Positive = 0.4  # log-odds that one scan takes from a free cell ...
     hit_weight: Positive = 0.5  # ... and gives to an occupied one
-    hit_over_free: Annotated[float, Meta(ge=1.0)] = 3.0  # weight of a hit among rays that pass
+    hit_over_free: Annotated[float, Meta(ge=1.0)] = 1.5  # weight of a hit among rays that pass
     free_below: Positive = 0.3  # log-odds under minus this: free
     occupied_above: Positive = 0.6
     max_free: Positive = 2.5  # bounded, so that a door that closes is believed within a second
@@ -180,11 +180,11 @@ class MappingConfig(Section):
 class PlanningConfig(Section):
     """Coverage and routes."""
 
-    margin_m: NotNegative = 0.016  # kept between the robot's rim and what is mapped
+    margin_m: NotNegative = 0.010  # kept between the robot's rim and what is mapped
     thin_margin_m: NotNegative = 0.008  # more of it beside legs and other thin things
     min_passage_m: NotNegative = 0.06  # room to spare in a gap that leads to a small place only
     unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor
-    lane_overlap_m: NotNegative = 0.02  # neighbouring lanes share this much of the brush
+    lane_overlap_m: NotNegative = 0.01  # neighbouring lanes share this much of the brush
     soft_clearance_m: Positive = 0.35  # routes prefer this much room around the centre
     min_patch_m2: Positive = 0.01  # uncovered specks smaller than this are left
     min_sliver_m: NotNegative = 0.05  # and strips thinner than this
