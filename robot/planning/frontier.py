@@ -43,23 +43,11 @@ def look_route(
     if len(xs) == 0:
         return None
     points = np.stack([xs, ys], axis=1).astype(float)
-    nodes: dict[int, int] = {}
-    for i in range(0, len(points), max(1, len(points) // 400)):
-        nodes.setdefault(lattice.node_at(points[i]), i)
-    found = -1
-
-    def stop(node: int, _: float) -> bool:
-        nonlocal found
-        if node in nodes:
-            found = node
-        return found >= 0
-
-    _, parent = lattice.search(lattice.node_at(at), stop)
-    if found < 0:
-        return None
-    goal = points[nodes[found]]
-    route = lattice.pulled(at, lattice.trace(parent, found), goal)
-    return _facing(space, lattice, route, labels)
+    points = points[:: max(1, len(points) // 400)]
+    cost = lattice.costs(lattice.node_at(at))[[lattice.node_at(point) for point in points]]
+    nearest = int(cost.argmin())
+    route = lattice.route(at, points[nearest]) if np.isfinite(cost[nearest]) else None
+    return None if route is None else _facing(space, lattice, route, labels)
 
 
 def _facing(space: Space, lattice: Lattice, route: np.ndarray, labels: np.ndarray) -> np.ndarray:

@@ -58,8 +58,10 @@ class _Search:
         lines = [ways[p][w] for p, w in self._visits]
         first = np.array([line[0] for line in lines])
         last = np.array([line[-1] for line in lines])
-        # Row 0 is the robot, row k + 1 the end of way k; columns are beginnings.
-        self._far = _distances(lattice, np.vstack([start[None], last]), first)
+        # Row 0 is the robot, row k + 1 the end of way k; columns are beginnings, the last none.
+        far = _distances(lattice, np.vstack([start[None], last]), first)
+        self._far = np.pad(far, ((0, 0), (0, 1)))
+        self._steps: list[list[float]] = self._far.tolist()  # faster to read one by one
         self.tour = [number[visit] for visit in order]
 
     def run(self) -> list[Visit]:
@@ -72,7 +74,7 @@ class _Search:
 
     def _step(self, before: int, after: int) -> float:
         """Travel from the end of a way (-1: the robot) to the beginning of another (-1: none)."""
-        return 0.0 if after < 0 else self._far[before + 1][after]
+        return self._steps[before + 1][after]
 
     def _at(self, i: int) -> int:
         return self.tour[i] if 0 <= i < len(self.tour) else -1
@@ -109,18 +111,17 @@ class _Search:
         before, after = self._at(i - 1), self._at(i + size)
         saved = self._step(before, stretch[0]) + self._step(stretch[-1], after)
         saved -= self._step(before, after)
-        best, place, put = saved - _SAVING_CELLS, -1, stretch
-        for candidate in (stretch, self._turned(stretch)):
-            for k in range(len(rest) + 1):
-                a = rest[k - 1] if k else -1
-                b = rest[k] if k < len(rest) else -1
-                cost = self._step(a, candidate[0]) + self._step(candidate[-1], b)
-                cost -= self._step(a, b)
-                if cost < best and not (k == i and candidate is stretch):
-                    best, place, put = cost, k, candidate
-        if place < 0:
+        if saved <= _SAVING_CELLS:
             return False
-        self.tour = rest[:place] + put + rest[place:]
+        a, b = np.array([-1, *rest]) + 1, np.array([*rest, -1])
+        both = (stretch, self._turned(stretch))
+        begin, end = (np.array([c[at] for c in both])[:, None] for at in (0, -1))
+        cost = self._far[a, begin] + self._far[end + 1, b] - self._far[a, b]
+        cost[0, i] = np.inf  # where it was
+        turned, place = divmod(int(cost.argmin()), len(a))
+        if cost[turned, place] >= saved - _SAVING_CELLS:
+            return False
+        self.tour = rest[:place] + both[turned] + rest[place:]
         return True
 
     def _choose_ways(self) -> bool:
@@ -159,12 +160,10 @@ def _reverse(ways: Sequence[np.ndarray], among: Sequence[int], w: int) -> int:
     )
 
 
-def _distances(lattice: Lattice, ends: np.ndarray, begins: np.ndarray) -> list[list[float]]:
+def _distances(lattice: Lattice, ends: np.ndarray, begins: np.ndarray) -> np.ndarray:
     """Travel (len(ends), len(begins)) in cells along the lattice; far ways are guessed."""
     straight = np.hypot(*(ends[:, None] - begins[None]).transpose(2, 0, 1))
     sources, row = np.unique([lattice.node_at(p) for p in ends], return_inverse=True)
     targets = np.array([lattice.node_at(p) for p in begins])
     along = lattice.distances(sources, targets, _FAR_M / lattice.cell_m)[row]
-    far = np.where(np.isfinite(along), np.maximum(along, straight), _DETOUR * straight)
-    travel: list[list[float]] = far.tolist()
-    return travel
+    return np.where(np.isfinite(along), np.maximum(along, straight), _DETOUR * straight)

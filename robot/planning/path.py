@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robot.planning.costmap import Space
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 _NODE_M = 0.10
 _NEAR, _NEAR_BLOCKS = 6, 4  # nodes that a point may begin from, and where they are looked for
@@ -39,6 +42,7 @@ class Lattice:
         )
         self._pairs = self._connect()
         self._edges = _lists(len(self.points), *self._pairs)
+        self._both_ways: csr_array | None = None
 
     def clear(self, a: np.ndarray, b: np.ndarray, need_m: float | None = None) -> bool:
         """True if the robot can drive straight from `a` to `b` (cells)."""
@@ -76,28 +80,23 @@ class Lattice:
         order = np.argsort(far, kind="stable")
         return nodes[order], far[order]
 
-    def search(
-        self, source: int, stop: Callable[[int, float], bool]
-    ) -> tuple[dict[int, float], dict[int, int]]:
-        """Dijkstra from `source` until `stop(node, cost_cells)`; settled costs and parents."""
-        cost, parent = {source: 0.0}, {source: source}
-        done: dict[int, float] = {}
-        heap = [(0.0, source)]
-        edges = self._edges
-        while heap:
-            reached, node = heapq.heappop(heap)
-            if node in done:
-                continue
-            done[node] = reached
-            if stop(node, reached):
-                break
-            for other, length in edges[node]:
-                total = reached + length
-                if total < cost.get(other, math.inf):
-                    cost[other] = total
-                    parent[other] = node
-                    heapq.heappush(heap, (total, other))
-        return done, parent
+    def costs(self, source: int, limit_cells: float = math.inf) -> np.ndarray:
+        """Costs (n,) of the ways from one node to all; inf beyond a limit."""
+        from scipy.sparse.csgraph import dijkstra
+
+        found: np.ndarray = dijkstra(self._graph(), indices=source, limit=limit_cells)
+        return found
+
+    def _graph(self) -> csr_array:
+        """All edges, there and back. Made when it is first needed."""
+        if self._both_ways is None:
+            from scipy.sparse import csr_array
+
+            pair, cost = self._pairs
+            index = np.concatenate([pair, pair[:, ::-1]]).T.astype(np.int32)
+            size = len(self.points)
+            self._both_ways = csr_array((np.tile(cost, 2), index), shape=(size, size))
+        return self._both_ways
 
     def distances(self, sources: np.ndarray, targets: np.ndarray, limit_cells: float) -> np.ndarray:
         """Costs (len(sources), len(targets)) of ways between nodes; inf beyond a limit."""
@@ -124,14 +123,11 @@ class Lattice:
         """Waypoints (n, 2) in cells from `start` to `goal`, both included; None if cut off."""
         if self.clear(start, goal):
             return np.array([start, goal])
-        source, target = self.node_at(start), self.node_at(goal)
-        parent = self._to_target(source, target)
-        if target not in parent:
-            return None
-        return self.pulled(start, self.trace(parent, target), goal)
+        nodes = self._way(self.node_at(start), self.node_at(goal))
+        return self._pulled(start, nodes, goal) if nodes else None
 
-    def _to_target(self, source: int, target: int) -> dict[int, int]:
-        """Parents on the cheapest way to one node; an edge never costs less than its length.
+    def _way(self, source: int, target: int) -> list[int]:
+        """Nodes of the cheapest way; none if cut off. An edge never costs less than its length.
 
         A* (Hart, Nilsson and Raphael, IEEE Trans. SSC 1968) with the straight line for an estimate.
         """
@@ -156,16 +152,14 @@ class Lattice:
                     parent[other] = node
                     ahead = math.hypot(x[other] - to_x, y[other] - to_y)
                     heapq.heappush(heap, (total + ahead, other))
-        return parent
-
-    def trace(self, parent: dict[int, int], target: int) -> list[int]:
-        """Nodes from the search's source to `target`."""
+        if target not in parent:
+            return []
         nodes = [target]
         while parent[nodes[-1]] != nodes[-1]:
             nodes.append(parent[nodes[-1]])
         return nodes[::-1]
 
-    def pulled(self, start: np.ndarray, nodes: list[int], goal: np.ndarray) -> np.ndarray:
+    def _pulled(self, start: np.ndarray, nodes: list[int], goal: np.ndarray) -> np.ndarray:
         """The string from `start` along `nodes` to `goal`, pulled straight where there is room.
 
         A shortcut may come as near to matter as the nodes it replaces, or to a hand's breadth.

@@ -21,6 +21,8 @@ from robot.planning.path import Lattice
 
 _LANES_LATER_M = 0.4
 _JOIN_M = 0.30  # a way that begins within this may be joined as far along it
+_NEAR_M = 2.0
+_BESIDE = 4.0  # cells; nearer, the robot turns to the way at once
 
 
 def tour(
@@ -52,19 +54,21 @@ class _Tour:
         self._lattice = lattice
         self._space = space
         self._turn = planning.turn_cost_m / space.cell_m / (math.pi / 2.0)
-        self._later = _LANES_LATER_M / space.cell_m
-        self._reward = math.inf  # cells of way for a cell of floor
-        if planning.worth_m2_per_m > 0.0:
-            self._reward = space.cell_m / planning.worth_m2_per_m
+        later = _LANES_LATER_M / space.cell_m
+        # Cells of way for a cell of floor.
+        self._reward = space.cell_m / max(planning.worth_m2_per_m, 1e-9)
         self._ways = [_ways(piece) for piece in pieces]
         self._join(space.entry, space.heading_rad)
         self._cells = {i for i, p in enumerate(pieces) if isinstance(p, Cell)}
-        self._later_of = [self._later if isinstance(p, Cell) else 0.0 for p in pieces]
-        self._entries: dict[int, list[tuple[int, int]]] = {}
-        for i, ways in enumerate(self._ways):
-            for w, way in enumerate(ways):
-                node = lattice.node_at(way[0])
-                self._entries.setdefault(node, []).append((i, w))
+        self._gain = np.array([float(piece.gain) for piece in pieces])
+        self._area = np.array([piece.area for piece in pieces], int)
+        self._entries = [(i, w) for i, ways in enumerate(self._ways) for w in range(len(ways))]
+        lines = [self._ways[i][w] for i, w in self._entries]
+        self._piece = np.array([i for i, _ in self._entries], int)
+        self._begins = np.array([line[0] for line in lines]).reshape(-1, 2)
+        self._first_rad = np.array([_direction(line[1] - line[0]) for line in lines])
+        self._later = np.array([i in self._cells for i in self._piece]) * later
+        self._node = np.array([lattice.node_at(line[0]) for line in lines], int)
 
     def _join(self, at: np.ndarray, heading: float) -> None:
         """Let ways that begin beside the robot begin abreast of it: turning back costs more."""
@@ -102,74 +106,57 @@ class _Tour:
         """Pieces and their ways, always the cheapest next, for about `horizon` cells of way."""
         at, heading = self._space.entry, self._space.heading_rad
         area = int(self._areas[int(at[1]), int(at[0])])
-        left = set(range(len(self._ways)))
+        left = np.ones(len(self._ways), bool)
         order: list[tuple[int, int]] = []
-        while left and horizon > 0.0:
+        while left.any() and horizon > 0.0:
             # An area is finished before the next is begun.
-            here = {i for i in left if self._pieces[i].area == area}
+            here = left & (self._area == area)
             found = self._next(at, heading, here) or self._next(at, heading, left, trip=True)
             if found is None:
                 break
             piece, way = found
             area = self._pieces[piece].area
             order.append(found)
-            left.discard(piece)
+            left[piece] = False
             line = self._ways[piece][way]
             horizon -= math.hypot(*(line[0] - at)) + float(np.hypot(*np.diff(line, axis=0).T).sum())
             at = line[-1]
             if len(line) > 1:
-                heading = math.atan2(*(line[-1] - line[-2])[::-1])
+                heading = _direction(line[-1] - line[-2])
         return order
 
     def _next(
-        self, at: np.ndarray, heading: float, left: set[int], trip: bool = False
+        self, at: np.ndarray, heading: float, left: np.ndarray, trip: bool = False
     ) -> tuple[int, int] | None:
-        """The cheapest piece of `left` and its way; None: no way leads to any.
+        """The cheapest of the pieces `left` (bool) and its way; None: no way leads to any.
 
         The work must be worth the way: for a `trip` all that is to be done in its area, otherwise
         the piece alone.
         """
-        if not left:
+        ways = np.flatnonzero(left[self._piece])
+        if len(ways) == 0:
             return None
-        best: tuple[float, int, int] | None = None
-        worth = self._worth(left, whole_areas=trip)
-        farthest = max(worth.values())
+        legs, first_rad = self._begins[ways] - at, self._first_rad[ways]
+        far = np.hypot(legs[:, 0], legs[:, 1])
+        to_rad = np.where(far > _BESIDE, np.arctan2(legs[:, 1], legs[:, 0]), first_rad)
+        turn = _turned(to_rad - heading) + 0.5 * _turned(first_rad - to_rad)
+        extra = self._turn * turn + self._later[ways]
+        worth = self._worth(left, whole_areas=trip)[self._piece[ways]]
+        source = self._lattice.node_at(at)
+        for limit in (_NEAR_M / self._space.cell_m, math.inf):  # mostly what is near is enough
+            cost = np.maximum(self._lattice.costs(source, limit)[self._node[ways]], far)
+            total = np.where(cost <= worth, cost + extra, np.inf)
+            best = int(total.argmin())
+            if total[best] <= limit:
+                break
+        return self._entries[ways[best]] if np.isfinite(total[best]) else None
 
-        def stop(node: int, cost: float) -> bool:
-            nonlocal best
-            if cost > farthest or (best is not None and cost >= best[0]):
-                return True  # what lies farther cannot be cheaper
-            for piece, way in self._entries.get(node, ()):
-                if piece not in left or cost > worth[piece]:
-                    continue
-                line = self._ways[piece][way]
-                to_entry = line[0] - at
-                far = math.hypot(*to_entry)
-                towards = to_entry if far > 4.0 else line[1] - line[0]
-                turn = _turned(math.atan2(towards[1], towards[0]) - heading)
-                if far > 4.0:
-                    then = line[1] - line[0]
-                    turn += 0.5 * _turned(
-                        math.atan2(then[1], then[0]) - math.atan2(to_entry[1], to_entry[0])
-                    )
-                total = max(cost, far) + self._turn * turn + self._later_of[piece]
-                if best is None or total < best[0] - 1e-9:
-                    best = (total, piece, way)
-            return False
-
-        self._lattice.search(self._lattice.node_at(at), stop)
-        return None if best is None else (best[1], best[2])
-
-    def _worth(self, left: set[int], *, whole_areas: bool) -> dict[int, float]:
-        """How far, in cells, one may drive for each of the pieces that are left."""
-        gain = {i: float(self._pieces[i].gain) for i in left}
+    def _worth(self, left: np.ndarray, *, whole_areas: bool) -> np.ndarray:
+        """How far, in cells, one may drive for each piece; `left` are still to be done."""
+        gain = self._gain
         if whole_areas:
-            of_area: dict[int, float] = {}
-            for i in left:
-                area = self._pieces[i].area
-                of_area[area] = of_area.get(area, 0.0) + gain[i]
-            gain = {i: of_area[self._pieces[i].area] for i in left}
-        return {i: cells * self._reward for i, cells in gain.items()}
+            gain = np.bincount(self._area, gain * left)[self._area]
+        return gain * self._reward
 
     def _driven(self, approach: np.ndarray, way: np.ndarray, links: bool) -> np.ndarray:
         """Approach and way in one line; `links` between runs that are not clear go round."""
@@ -192,8 +179,12 @@ def _cut(line: np.ndarray, horizon: float) -> tuple[np.ndarray, float]:
     return line[: last + 1], 0.0
 
 
-def _turned(angle: float) -> float:
-    return abs((angle + math.pi) % (2.0 * math.pi) - math.pi)
+def _direction(leg: np.ndarray) -> float:
+    return math.atan2(leg[1], leg[0])
+
+
+def _turned(angle: np.ndarray) -> np.ndarray:
+    return np.abs((angle + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def _ways(piece: Chain | Cell) -> list[np.ndarray]:
