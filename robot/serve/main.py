@@ -22,6 +22,7 @@ class ServeOptions:
 
     socket: Path = Path("/run/sweeper/control.sock")
     runs: Path = Path("runs")
+    log_ring: Path | None = None
     state: Path = Path("runs")
     host: str = "127.0.0.1"
     port: int = 8321
@@ -134,7 +135,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
     from robot.serve.capability import Robot
     from robot.serve.gate import LOOPBACK, Rules
     from robot.serve.ledger import Ledger
-    from robot.serve.runs import Runs
+    from robot.serve.runs import Ring, Runs
     from robot.serve.runtime import Runtime
     from robot.serve.world import World
 
@@ -151,6 +152,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
         fleet,
         has_fleet=options.fleet,
         config=options.config,
+        ring=Ring(options.log_ring),
         installed=options.installed,
     )
     off = options.state / OFF_FILE

@@ -25,6 +25,7 @@ FILES = {
 MAX_LISTED = 100
 MAX_SUMMARY_BYTES = 1 << 20
 _ID = re.compile(r"[0-9]{8}-[0-9]{6}[A-Za-z0-9_.-]{0,80}")
+_SEGMENT = re.compile(r"(before-)?log-[0-9]{6}\.mcap")  # of the ring, or saved from it
 _BLOCK = 1 << 16
 
 
@@ -45,7 +46,7 @@ class Runs:
 
     def file(self, run: str, name: str) -> Path | None:
         """The file's path, if the run is listed and the name is one of ours."""
-        if name not in FILES or run not in self._ids():
+        if not (name in FILES or _SEGMENT.fullmatch(name)) or run not in self._ids():
             return None
         path = self._root / run / name
         return path if _size(path) is not None else None
@@ -63,7 +64,8 @@ class Runs:
 
     def _describe(self, run: str) -> dict[str, Any]:
         folder = self._root / run
-        sizes = {name: size for name in FILES if (size := _size(folder / name)) is not None}
+        names = [*FILES, *sorted(_segments(folder))]
+        sizes = {name: size for name in names if (size := _size(folder / name)) is not None}
         summary = None
         if 0 < sizes.get("summary.json", 0) <= MAX_SUMMARY_BYTES:
             with contextlib.suppress(OSError, ValueError, RecursionError):
@@ -72,6 +74,43 @@ class Runs:
                 json.dumps(read, allow_nan=False, ensure_ascii=False).encode()
                 summary = _brief(read) if isinstance(read, dict) else None
         return {"id": run, "files": sizes, "summary": summary}
+
+
+class Ring:
+    """The folder of log segments that the runtime keeps in memory; the oldest give way."""
+
+    def __init__(self, root: Path | None) -> None:
+        self._root = root
+
+    @property
+    def present(self) -> bool:
+        """Whether there is such a folder."""
+        return self._root is not None and self._root.is_dir()
+
+    def newest(self) -> list[dict[str, Any]]:
+        """Name, bytes and end of each segment, the newest first."""
+        found = []
+        for path in [self._root / name for name in _segments(self._root)] if self._root else []:
+            with contextlib.suppress(OSError):
+                state = path.lstat()
+                if stat.S_ISREG(state.st_mode):
+                    ended_s = round(state.st_mtime, 1)
+                    found.append({"name": path.name, "bytes": state.st_size, "ended_s": ended_s})
+        return sorted(found, key=lambda segment: str(segment["name"]), reverse=True)
+
+    def file(self, name: str) -> Path | None:
+        """The segment's path, if it is there and no link."""
+        if self._root is None or not _SEGMENT.fullmatch(name):
+            return None
+        path = self._root / name
+        return path if _size(path) is not None else None
+
+
+def _segments(folder: Path) -> list[str]:
+    try:
+        return [name for name in os.listdir(folder) if _SEGMENT.fullmatch(name)]
+    except OSError:
+        return []
 
 
 def send_file(path: Path, download_name: str) -> Response:
@@ -85,7 +124,7 @@ def send_file(path: Path, download_name: str) -> Response:
     if path.suffix != ".png":
         headers["content-disposition"] = f'attachment; filename="{download_name}"'
     blocks = iterate_in_threadpool(_blocks(handle, size))
-    return _File(blocks, handle, FILES[path.name], headers)
+    return _File(blocks, handle, FILES.get(path.name, FILES["log.mcap"]), headers)
 
 
 class _File(StreamingResponse):

@@ -17,6 +17,7 @@ def add_options(verb: argparse.ArgumentParser) -> None:
     default = ServeOptions()
     verb.add_argument("--socket", type=Path, default=default.socket, help="the runtime's socket")
     verb.add_argument("--runs", type=Path, default=default.runs, help="folder of run folders")
+    verb.add_argument("--log-ring", type=Path, help="folder of the runtime's --log-ring")
     verb.add_argument("--state", type=Path, help="folder of keys and switch (default: --runs)")
     verb.add_argument("--host", default=default.host, help="default: this machine only")
     verb.add_argument("--port", type=int, default=default.port, help=f"default: {default.port}")
@@ -67,6 +68,7 @@ def options(arguments: argparse.Namespace, state: Path) -> ServeOptions:
     return ServeOptions(
         socket=arguments.socket,
         runs=arguments.runs,
+        log_ring=arguments.log_ring,
         state=state,
         host=arguments.host,
         port=arguments.port,

@@ -67,7 +67,10 @@ CAPABILITY = Capability(
             media="application/octet-stream",
             parameters=(
                 Parameter("run", "Its id.", {"type": "string"}),
-                Parameter("file", "Its name.", {"type": "string", "enum": sorted(FILES)}),
+                Parameter(
+                    "file", "One of the names that were listed.",
+                    {"type": "string", "examples": sorted(FILES)},
+                ),
             ),
             refusals=(404,),
         ),

@@ -3,7 +3,7 @@ import { $, API, button as pressable, clock, get, make, post, sentence, text, to
 import { Calibrate } from "/calibrate.js";
 import { Drive } from "/drive.js";
 import { fan } from "/fan.js";
-import { check, facts, fleet, history, releases } from "/health.js";
+import { check, facts, fleet, history, recent, releases } from "/health.js";
 import { MapView } from "/map.js";
 import { Plan } from "/plan.js";
 import { Rooms } from "/rooms.js";
@@ -30,7 +30,7 @@ async function learn() {
     now.caps = new Map(capabilities.map((capability) => [capability.name, capability]));
     text("name", name);
     document.title = name;
-    for (const [id, needed] of [["show-camera", "camera"], ["show-landmarks", "landmarks"], ["tab-history", "history"], ["recheck", "check"], ["drive-box", "manual"], ["bundle", "bundle"], ["fleet-box", "fleet"], ["update-box", "update"]]) $(id).hidden = !has(needed);
+    for (const [id, needed] of [["show-camera", "camera"], ["show-landmarks", "landmarks"], ["tab-history", "history"], ["recheck", "check"], ["drive-box", "manual"], ["bundle", "bundle"], ["fleet-box", "fleet"], ["update-box", "update"], ["recent-box", "logs"]]) $(id).hidden = !has(needed);
     $("tab-map").hidden = !["zones", "rooms", "no_go", "walls", "go_to"].some(has);
     $("tab-plan").hidden = !["schedules", "consumables"].some(has);
     $("show-rooms").hidden = !has("rooms");
@@ -168,7 +168,7 @@ function open(name) {
     tab.tabIndex = chosen ? 0 : -1;
     $(tab.getAttribute("aria-controls")).hidden = !chosen;
   }
-  if (name === "history") history();
+  if (name === "history") { history(); if (has("logs")) recent(); }
   if (name === "plan") plan.open();
   if (name === "health") { facts(now.status, now.hello); calibrate.tell(); if (has("check")) check(); if (has("fleet")) fleet(); if (has("update")) releases(); }
 }

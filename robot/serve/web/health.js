@@ -18,13 +18,26 @@ function card({ id, files, summary }) {
     s.covered_m2 != null && `${s.covered_m2.toFixed(1)} m²`, s.covered_pct != null && `${s.covered_pct.toFixed(0)} % covered`,
     s.duration_s != null && `${clock(s.duration_s)} min`, s.path_m != null && `${s.path_m.toFixed(0)} m driven`].filter(Boolean);
   const link = (file, label) => make("a", { href: `${API}/runs/${id}/${file}`, "aria-label": `${label} of ${words}` }, label);
-  const links = [["log.mcap", "Log"], ["trajectory.tum", "Track"], ["map.pgm", "Map file"], ["summary.json", "Figures"]].filter(([file]) => file in files);
+  const saved = Object.keys(files).filter((file) => /^(before-)?log-\d/.test(file)).map((file, index) => [file, `Log ${index + 1}`]);
+  const links = [["log.mcap", "Log"], ...saved, ["trajectory.tum", "Track"], ["map.pgm", "Map file"], ["summary.json", "Figures"]].filter(([file]) => file in files);
   const thumb = make("button", { type: "button", class: "thumb", "aria-label": `Map of ${words}`, onclick: () => view(id, words) });
   if ("map.png" in files) thumb.append(make("img", { src: `${API}/runs/${id}/map.png`, alt: "", loading: "lazy" }));
   else { thumb.disabled = true; thumb.append(make("span", {}, "no map yet")); }
   return make("li", { class: "run" }, thumb, make("div", {},
     make("h2", {}, words), make("p", {}, figures.join(" · ") || (summary ? "" : "The log since it was switched on: still growing, or cut off.")),
     make("p", {}, s.state ? sentence(s.reason || s.state) : ""), make("nav", { "aria-label": `Files of ${words}` }, ...links.map(([file, label]) => link(file, label)))));
+}
+
+// Segments of the log that the robot keeps in memory.
+export async function recent() {
+  try {
+    const { segments } = await get("/logs");
+    $("recent").replaceChildren(...segments.map(({ name, bytes, ended_s: end }) => {
+      const until = new Date(1000 * end).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
+      return make("li", {}, make("span", {}, `until ${until}`), make("span", { class: "soft" }, `${(bytes / 1e6).toFixed(1)} MB`),
+        make("a", { href: `${API}/logs/${name}`, "aria-label": `Log until ${until}` }, "Log"));
+    }));
+  } catch (error) { toast(sentence(error.message)); }
 }
 
 export function view(id, words) {

@@ -5,11 +5,12 @@ import struct
 import zlib
 from pathlib import Path
 
-from serving import wait_for
+from serving import served, wait_for
 
 from robot.serve.app import shown
 from robot.serve.capability import capabilities
 from robot.serve.openapi import describe
+from robot.serve.runs import Ring
 
 
 def test_every_button_reaches_the_robot(house):
@@ -81,10 +82,34 @@ def test_a_robot_that_knows_less_shows_less():
     class Robot:
         world, has_fleet, name = World(), False, "r"
         runs = type("Runs", (), {"present": False})()
-        installed = Path("/nowhere")
+        installed, ring = Path("/nowhere"), Ring(None)
 
     names = {capability.name for capability in shown(Robot())}
     assert names == {"start", "status", "track", "check", "calibration", "bundle"}
+
+
+def test_segments_of_the_log_are_listed_and_loaded_down(tmp_path):
+    ring, run = tmp_path / "ring", tmp_path / "runs" / "20260102-030405-live"
+    for folder, names in ((ring, ("log-000007.mcap", "log-000008.mcap")),
+                          (run, ("before-log-000003.mcap",))):  # fmt: skip
+        folder.mkdir(parents=True)
+        for name in names:
+            (folder / name).write_bytes(name.encode())
+    (ring / "log-000009.mcap").symlink_to("/etc/hostname")
+    (ring / "ended-in-order").touch()
+    with served(tmp_path, tmp_path / "nobody.sock", log_ring=ring) as server:
+        listed = server.json("/api/v1/logs")[1]["segments"]
+        told = {segment["name"]: segment["bytes"] for segment in listed}
+        assert told == {"log-000008.mcap": 15, "log-000007.mcap": 15}
+        status, headers, body = server.ask("/api/v1/logs/log-000007.mcap")
+        assert status == 200 and body == b"log-000007.mcap"
+        assert 'filename="log-000007.mcap"' in headers["content-disposition"]
+        for other in ("log-000009.mcap", "log-000001.mcap", "ended-in-order", "..%2Fkeys.json"):
+            assert server.ask(f"/api/v1/logs/{other}")[0] == 404
+        (saved,) = server.json("/api/v1/runs")[1]["runs"]
+        assert saved["files"] == {"before-log-000003.mcap": 22}
+        path = "/api/v1/runs/20260102-030405-live/before-log-000003.mcap"
+        assert server.ask(path)[2] == b"before-log-000003.mcap"
 
 
 def test_declarations_are_whole():

@@ -10,6 +10,7 @@ from robot.mission.settings import FAN_SHARES
 from robot.mission.verbs import VERBS, understand
 from robot.serve.capability import FAN_LEVELS, capabilities
 from robot.serve.fields import BadBody, fields, many, read_body, words
+from robot.serve.runs import Ring
 
 ASKED = {
     ("spot", "/spot"): ({"side_m": 2.0}, ("2.0",)),
@@ -40,7 +41,7 @@ def test_no_verb_of_the_table_is_forgotten():
         world = type("World", (), {"connected": True, "resolution_m": 1, "landmarks": []})()
         world.hello, world.has = {}, lambda verb: needed.add(verb) or True
         known.world, known.runs, known.has_fleet = world, type("R", (), {"present": 1}), True
-        known.installed = Path("/nowhere")
+        known.installed, known.ring = Path("/nowhere"), Ring(None)
         capability.has(known)
     assert needed == {verb.name for verb in VERBS}
 
