@@ -2,11 +2,13 @@
 
 Each piece can be driven in some ways, each way from one end to another. Starting from any order,
 stretches of the tour are turned round (2-opt; Croes, Operations Research 1958) or moved elsewhere
-(Or-opt; Or, 1976) as long as that saves travel. Distances are those of the lattice.
+(Or-opt; Or, 1976) as long as that saves travel. Distances are those of the lattice, and turning
+costs, too.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,20 +22,45 @@ _ROUNDS = 12
 _SAVING_CELLS = 0.5  # less is not worth another plan
 _TOGETHER = 40  # so many visits are put into order at a time, so that time grows with the floor
 _WAYS = 12  # beginnings that are tried of a closed edge
+_BESIDE = 4.0  # cells; nearer, the robot turns to the way at once
 _FAR_M, _DETOUR = 8.0, 2.0  # ways longer than this are guessed from the straight line
 
 
 def improved(
-    lattice: Lattice, ways: Sequence[Sequence[np.ndarray]], start: np.ndarray, order: list[Visit]
+    lattice: Lattice,
+    ways: Sequence[Sequence[np.ndarray]],
+    start: np.ndarray,
+    heading_rad: float,
+    order: list[Visit],
+    turn_cells_per_rad: float,
 ) -> list[Visit]:
     """The same visits in a shorter order; `ways[piece][way]` is a polyline (n, 2) in cells."""
     better: list[Visit] = []
     for first in range(0, len(order), _TOGETHER):
-        part = _Search(lattice, ways, start, order[first : first + _TOGETHER]).run()
+        some = order[first : first + _TOGETHER]
+        part = _Search(lattice, ways, start, heading_rad, some, turn_cells_per_rad).run()
         better += part
         piece, way = part[-1]
-        start = ways[piece][way][-1]
+        start, heading_rad = ways[piece][way][-1], direction_rad(*ways[piece][way][-2:])
     return better
+
+
+def direction_rad(begin: np.ndarray, end: np.ndarray) -> float:
+    """Heading of the leg between two points."""
+    return math.atan2(end[1] - begin[1], end[0] - begin[0])
+
+
+def turning_rad(
+    legs: np.ndarray, heading_rad: np.ndarray | float, first_rad: np.ndarray
+) -> np.ndarray:
+    """All turning on a way along `legs` (..., 2) in cells, between two headings."""
+    far = np.hypot(legs[..., 0], legs[..., 1]) > _BESIDE
+    along_rad = np.where(far, np.arctan2(legs[..., 1], legs[..., 0]), first_rad)
+    return _turned(along_rad - heading_rad) + _turned(first_rad - along_rad)
+
+
+def _turned(angle: np.ndarray) -> np.ndarray:
+    return np.abs((angle + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 class _Search:
@@ -44,7 +71,9 @@ class _Search:
         lattice: Lattice,
         ways: Sequence[Sequence[np.ndarray]],
         start: np.ndarray,
+        heading_rad: float,
         order: list[Visit],
+        turn_cells_per_rad: float,
     ) -> None:
         self._visits = [(p, w) for p, now in order for w in _some(ways[p], now)]
         number = {visit: k for k, visit in enumerate(self._visits)}
@@ -59,7 +88,11 @@ class _Search:
         first = np.array([line[0] for line in lines])
         last = np.array([line[-1] for line in lines])
         # Row 0 is the robot, row k + 1 the end of way k; columns are beginnings, the last none.
-        far = _distances(lattice, np.vstack([start[None], last]), first)
+        ends = np.vstack([start[None], last])
+        end_rad = np.array([heading_rad, *(direction_rad(*line[-2:]) for line in lines)])
+        first_rad = np.array([direction_rad(*line[:2]) for line in lines])
+        turning = turning_rad(first - ends[:, None], end_rad[:, None], first_rad)
+        far = _distances(lattice, ends, first) + turn_cells_per_rad * turning
         self._far = np.pad(far, ((0, 0), (0, 1)))
         self._steps: list[list[float]] = self._far.tolist()  # faster to read one by one
         self.tour = [number[visit] for visit in order]

@@ -16,13 +16,12 @@ from robot.config import PlanningConfig
 from robot.planning.costmap import Space
 from robot.planning.edges import Chain
 from robot.planning.lanes import Cell
-from robot.planning.order import improved
+from robot.planning.order import direction_rad, improved, turning_rad
 from robot.planning.path import Lattice
 
 _LANES_LATER_M = 0.4
 _JOIN_M = 0.30  # a way that begins within this may be joined as far along it
 _NEAR_M = 2.0
-_BESIDE = 4.0  # cells; nearer, the robot turns to the way at once
 
 
 def tour(
@@ -66,7 +65,7 @@ class _Tour:
         lines = [self._ways[i][w] for i, w in self._entries]
         self._piece = np.array([i for i, _ in self._entries], int)
         self._begins = np.array([line[0] for line in lines]).reshape(-1, 2)
-        self._first_rad = np.array([_direction(line[1] - line[0]) for line in lines])
+        self._first_rad = np.array([direction_rad(*line[:2]) for line in lines])
         self._later = np.array([i in self._cells for i in self._piece]) * later
         self._node = np.array([lattice.node_at(line[0]) for line in lines], int)
 
@@ -88,7 +87,8 @@ class _Tour:
         """Greedily up to the horizon; without one the whole tour, in a better order."""
         order = self._greedy(horizon)
         if math.isinf(horizon):
-            order = improved(self._lattice, self._ways, self._space.entry, order)
+            entry, heading = self._space.entry, self._space.heading_rad
+            order = improved(self._lattice, self._ways, entry, heading, order, self._turn)
         lines: list[np.ndarray] = []
         at = self._space.entry
         for piece, way in order:
@@ -122,7 +122,7 @@ class _Tour:
             horizon -= math.hypot(*(line[0] - at)) + float(np.hypot(*np.diff(line, axis=0).T).sum())
             at = line[-1]
             if len(line) > 1:
-                heading = _direction(line[-1] - line[-2])
+                heading = direction_rad(*line[-2:])
         return order
 
     def _next(
@@ -138,9 +138,7 @@ class _Tour:
             return None
         legs, first_rad = self._begins[ways] - at, self._first_rad[ways]
         far = np.hypot(legs[:, 0], legs[:, 1])
-        to_rad = np.where(far > _BESIDE, np.arctan2(legs[:, 1], legs[:, 0]), first_rad)
-        turn = _turned(to_rad - heading) + 0.5 * _turned(first_rad - to_rad)
-        extra = self._turn * turn + self._later[ways]
+        extra = self._turn * turning_rad(legs, heading, first_rad) + self._later[ways]
         worth = self._worth(left, whole_areas=trip)[self._piece[ways]]
         source = self._lattice.node_at(at)
         for limit in (_NEAR_M / self._space.cell_m, math.inf):  # mostly what is near is enough
@@ -177,14 +175,6 @@ def _cut(line: np.ndarray, horizon: float) -> tuple[np.ndarray, float]:
     if last >= len(line):
         return line, horizon - float(along[-1])
     return line[: last + 1], 0.0
-
-
-def _direction(leg: np.ndarray) -> float:
-    return math.atan2(leg[1], leg[0])
-
-
-def _turned(angle: np.ndarray) -> np.ndarray:
-    return np.abs((angle + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def _ways(piece: Chain | Cell) -> list[np.ndarray]:
