@@ -13,7 +13,7 @@ from robot.config import PlanningConfig, RobotConfig
 from robot.geometry.se2 import SE2
 from robot.messages import Grid
 from robot.planning.costmap import build_space
-from robot.planning.order import improved
+from robot.planning.order import direction_rad, improved, turning_rad
 from robot.planning.path import Lattice
 
 SIDE = 120  # cells of 5 cm
@@ -53,7 +53,7 @@ def test_never_longer_and_every_piece_once(ends, start, chance):
     ways = [both_ways(a, b) for a, b in ends]
     order = [(i, chance.randrange(2)) for i in range(len(ways))]
     chance.shuffle(order)
-    better = improved(LATTICE, ways, start, list(order))
+    better = improved(LATTICE, ways, start, 0.0, list(order), 0.0)
     assert sorted(piece for piece, _ in better) == list(range(len(ways)))
     # Straight lines are what the lattice's detours are measured by, up to its coarseness.
     assert travel(ways, start, better) <= 1.1 * travel(ways, start, order) + 8.0
@@ -69,11 +69,29 @@ def test_as_good_as_the_best_of_all_orders_of_five_lanes():
             for pieces in itertools.permutations(range(5))
             for turns in itertools.product((0, 1), repeat=5)
         )
-        found = improved(LATTICE, ways, start, [(i, 0) for i in range(5)])
+        found = improved(LATTICE, ways, start, 0.0, [(i, 0) for i in range(5)], 0.0)
         assert travel(ways, start, found) <= 1.25 * best
 
 
 def test_lanes_side_by_side_are_driven_to_and_fro():
     ways = [both_ways(np.array([50.0, y]), np.array([180.0, y])) for y in (60.0, 80.0, 100.0)]
-    order = improved(LATTICE, ways, np.array([45.0, 60.0]), [(0, 0), (2, 0), (1, 0)])
+    order = improved(LATTICE, ways, np.array([45.0, 60.0]), 0.0, [(0, 0), (2, 0), (1, 0)], 6.0)
     assert order == [(0, 0), (1, 1), (2, 0)]
+
+
+def test_of_two_lanes_as_near_the_one_ahead_comes_first_where_turning_costs():
+    start = np.array([110.0, 110.0])
+    ways = [[start + np.array([[s * 20.0, 0.0], [s * 60.0, 0.0]])] for s in (1.0, -1.0)]
+    ways = [both_ways(*way[0]) for way in ways]
+    for heading_rad, first in ((0.0, 0), (math.pi, 1)):
+        order = improved(LATTICE, ways, start, heading_rad, [(1 - first, 0), (first, 0)], 6.0)
+        assert order[0] == (first, 0)
+
+
+@given(place, place, st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi))
+def test_turning_is_the_same_driven_backwards(a, b, before_rad, after_rad):
+    there = turning_rad(b - a, before_rad, np.array(after_rad))
+    back = turning_rad(a - b, after_rad + math.pi, np.array(before_rad + math.pi))
+    assert abs(float(there) - float(back)) < 1e-6
+    assert float(there) >= abs(math.remainder(after_rad - before_rad, 2.0 * math.pi)) - 1e-6
+    assert abs(direction_rad(a, b)) <= math.pi
