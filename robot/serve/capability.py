@@ -18,7 +18,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from robot.serve.fields import BadBody, Schema, fields, read_body, words
-from robot.serve.runs import Ring
+from robot.serve.runs import NO_RING, Ring
 
 if TYPE_CHECKING:
     from robot.serve.runs import Runs
@@ -41,7 +41,7 @@ class Robot:
     fleet: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     has_fleet: bool = False
     config: Path | None = None  # the runtime's settings, for the support bundle
-    ring: Ring = Ring(None)
+    ring: Ring = NO_RING
     installed: Path = Path("/opt/sweeper")  # where releases are, if it was installed
 
 

@@ -106,6 +106,9 @@ class Ring:
         return path if _size(path) is not None else None
 
 
+NO_RING = Ring(None)
+
+
 def _segments(folder: Path) -> list[str]:
     try:
         return [name for name in os.listdir(folder) if _SEGMENT.fullmatch(name)]
