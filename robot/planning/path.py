@@ -7,7 +7,6 @@ Mathematik 1959; string pulling as any-angle smoothing, Nash and Koenig, AI Maga
 
 from __future__ import annotations
 
-import heapq
 import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -36,12 +35,7 @@ class Lattice:
         self._tolerance_m = 0.5 * space.cell_m
         self.points, self._node_of_block = self._nodes()
         self._bends: dict[tuple[int, int], np.ndarray] = {}
-        self._xy: tuple[list[float], list[float]] = (
-            self.points[:, 0].tolist(),
-            self.points[:, 1].tolist(),
-        )
         self._pairs = self._connect()
-        self._edges = _lists(len(self.points), *self._pairs)
         self._both_ways: csr_array | None = None
 
     def clear(self, a: np.ndarray, b: np.ndarray, need_m: float | None = None) -> bool:
@@ -127,36 +121,21 @@ class Lattice:
         return self._pulled(start, nodes, goal) if nodes else None
 
     def _way(self, source: int, target: int) -> list[int]:
-        """Nodes of the cheapest way; none if cut off. An edge never costs less than its length.
+        """Nodes of the cheapest way; none if cut off."""
+        from scipy.sparse.csgraph import dijkstra
 
-        A* (Hart, Nilsson and Raphael, IEEE Trans. SSC 1968) with the straight line for an estimate.
-        """
-        x, y = self._xy
-        to_x, to_y = x[target], y[target]
-        cost, parent = {source: 0.0}, {source: source}
-        done: set[int] = set()
-        heap = [(math.hypot(x[source] - to_x, y[source] - to_y), source)]
-        edges = self._edges
-        while heap:
-            _, node = heapq.heappop(heap)
-            if node in done:
-                continue
-            if node == target:
+        straight = math.hypot(*(self.points[target] - self.points[source]))
+        for limit in (2.0 * straight, math.inf):  # mostly the detour is not great
+            cost, before = dijkstra(
+                self._graph(), indices=source, limit=limit, return_predecessors=True
+            )
+            if np.isfinite(cost[target]):
                 break
-            done.add(node)
-            reached = cost[node]
-            for other, length in edges[node]:
-                total = reached + length
-                if total < cost.get(other, math.inf):
-                    cost[other] = total
-                    parent[other] = node
-                    ahead = math.hypot(x[other] - to_x, y[other] - to_y)
-                    heapq.heappush(heap, (total + ahead, other))
-        if target not in parent:
+        else:
             return []
         nodes = [target]
-        while parent[nodes[-1]] != nodes[-1]:
-            nodes.append(parent[nodes[-1]])
+        while nodes[-1] != source:
+            nodes.append(int(before[nodes[-1]]))
         return nodes[::-1]
 
     def _pulled(self, start: np.ndarray, nodes: list[int], goal: np.ndarray) -> np.ndarray:
@@ -255,12 +234,3 @@ class Lattice:
                 )
                 touching.append((i, j))
         return np.array(touching, np.int64).reshape(-1, 2)
-
-
-def _lists(count: int, pair: np.ndarray, cost: np.ndarray) -> list[list[tuple[int, float]]]:
-    """Neighbours and costs of each node."""
-    edges: list[list[tuple[int, float]]] = [[] for _ in range(count)]
-    for i, j, c in zip(*pair.T.tolist(), cost.tolist(), strict=True):
-        edges[i].append((j, c))
-        edges[j].append((i, c))
-    return edges
