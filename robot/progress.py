@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from types import TracebackType
 from typing import Any
 
 from robot.body.observe import Snapshot
+
+PIPED_WIDTH = 160  # columns where no terminal says how many it has
+LONGEST_NAME = 24
 
 
 class Progress:
@@ -68,16 +72,19 @@ def print_summary(summary: dict[str, Any]) -> None:
 
 
 def print_table(title: str, rows: list[dict[str, Any]]) -> None:
-    """Print dictionaries with equal keys as a table."""
+    """Print dictionaries with equal keys as a table; what has no terminal gets it in full width."""
+    from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title)
-    for key in rows[0] if rows else ():
-        table.add_column(key)
-    for row in rows:
-        table.add_row(*(_cell(value) for value in row.values()))
-    Console().print(table)
+    cells = [[_cell(value) for value in row.values()] for row in rows]
+    table = Table(title=title, box=SIMPLE_HEAD, title_justify="left", padding=(0, 1, 0, 0))
+    for number, key in enumerate(rows[0] if rows else ()):
+        widest = max(len(row[number]) for row in cells)
+        table.add_column(key, min_width=min(widest, LONGEST_NAME) if number == 0 else None)
+    for row in cells:
+        table.add_row(*row)
+    Console(width=None if sys.stdout.isatty() else PIPED_WIDTH).print(table)
 
 
 def _cell(value: Any) -> str:

@@ -184,15 +184,6 @@ def _write_pictures(scores: list[_Scores], names: list[str], out_dir: Path, erro
         cv2.imwrite(str(out_dir / f"{s.pair.family}_{s.pair.name}.png"), np.hstack(panels))
 
 
-def table(result: dict[str, Any], mask: str = "all", filled: bool = True) -> list[dict[str, Any]]:
-    """The mean rows of one mask and filling, for printing."""
-    return [
-        r
-        for r in result["rows"]
-        if r["pair"] is None and r["mask"] == mask and r["filled"] is filled
-    ]
-
-
 @dataclass(frozen=True, slots=True)
 class StereoOrder:
     """What the command line asks for; `way` is protocol, native, stress or confidence."""
@@ -221,7 +212,37 @@ def run_order(order: StereoOrder) -> dict[str, Any]:
 
 
 def tables(result: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
-    """Title and rows of each table to print: means only where there are rows per pair."""
-    if "rows" in result:
-        return {"stereo": [row for row in result["rows"] if row["pair"] is None]}
-    return {title: rows for title, rows in result.items() if isinstance(rows, list)}
+    """Title and rows of each table to print: one a family where there are rows per pair."""
+    if "rows" not in result:
+        return {title: rows for title, rows in result.items() if isinstance(rows, list)}
+    means = [row for row in result["rows"] if row["pair"] is None]
+    if result["size"] is None:
+        said = {"pair", "mask", "size"}
+        shown = [{k: v for k, v in row.items() if k not in said} for row in means]
+        return {"stereo, native size": shown}
+    families = dict.fromkeys(row["family"] for row in means)
+    return {f"{family}, gaps filled": _family_table(means, family) for family in families}
+
+
+def _family_table(means: list[dict[str, Any]], family: str) -> list[dict[str, Any]]:
+    """A row a matcher: filled, over all pixels; beside it the density before, and bad-2 of pixels
+    that both eyes see."""
+    found = {(r["matcher"], r["mask"], r["filled"]): r for r in means if r["family"] == family}
+    table = []
+    for (matcher, mask, filled), row in found.items():
+        if mask != "all" or not filled:
+            continue
+        short = {f"bad-{n}": row[f"bad{n}_pct"] for n in (1, 2, 3)}
+        table.append(
+            {
+                "matcher": matcher,
+                "density": found[matcher, "all", False]["density_pct"],
+                **short,
+                "EPE": row["epe_px"],
+                "bad-2 noc": found[matcher, "noc", True]["bad2_pct"],
+                "ms": row["ms"],
+                "/ SGBM": row["ms_over_sgbm"],
+                "A53 M": row["a53_minstr"],
+            }
+        )
+    return table

@@ -8,7 +8,7 @@ import pytest
 
 from robot.bench.matchers import make_matcher
 from robot.bench.pairs import find_pairs, read_pfm, to_protocol
-from robot.bench.stereo import StereoOrder, bench_stereo, run_order, table, tables
+from robot.bench.stereo import StereoOrder, bench_stereo, run_order, tables
 from robot.errors import DataError, ModelError
 
 SHIFT = 16  # px in the source images
@@ -97,10 +97,15 @@ def test_bench_measures_a_constant_shift(pairs_dir, tmp_path):
     rows = result["rows"]
     # 2 matchers x 2 masks x 2 fillings x (3 pairs + 3 families + indoor + all)
     assert len(rows) == 2 * 2 * 2 * 8
-    for row in table(result, "noc", filled=True):
+    filled = [r for r in rows if r["pair"] is None and r["mask"] == "noc" and r["filled"]]
+    for row in filled:
         assert row["density_pct"] == 100.0
         assert row["bad1_pct"] < 5.0
         assert row["epe_px"] < 0.5
+    printed = tables(result)["all, gaps filled"]
+    assert [row["matcher"] for row in printed] == ["sgbm", "bm"]
+    mean = next(r for r in filled if r["matcher"] == "sgbm" and r["family"] == "all")
+    assert printed[0]["bad-2 noc"] == mean["bad2_pct"] and printed[0]["density"] < 100.0
     sgbm = next(r for r in rows if r["matcher"] == "sgbm" and r["family"] == "all")
     assert sgbm["ms_over_sgbm"] == 1.0 and sgbm["ms"] > 0 and sgbm["a53_minstr"] > 50
     assert len(list((tmp_path / "out").glob("*.png"))) == 3
