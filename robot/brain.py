@@ -187,7 +187,7 @@ class Brain:
 
     def _settle(self) -> None:
         """The map has confirmed the pose."""
-        self._slam.put(self._pose(), SETTLED_COV)
+        self._slam.confirm(SETTLED_COV)
 
     def _barriers(self) -> np.ndarray:
         """What must not be crossed, as lines (n, 4) of odom."""

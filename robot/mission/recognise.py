@@ -13,7 +13,9 @@ from robot.messages import Grid, Scan
 REACH_M = 1.8  # ranges are good enough so far
 NEAR_M = 0.08  # a hit so near to matter of the map is known
 MEMORY = 150.0  # hits: some frames' worth
+FADE = 0.8  # of them stays with every frame: a few false ones in wide rooms never make a view
 MIN_HITS = 40.0
+WIDE_HITS = 75.0  # less does not speak against a place
 
 
 class Recognition:
@@ -33,19 +35,17 @@ class Recognition:
 
     @property
     def against(self) -> float:
-        """Share of what was seen that stands where the map says free; NaN like `share`."""
-        return self._against / self._seen if self._seen >= MIN_HITS else math.nan
+        """Share of what was seen that stands where the map says free; NaN while that is little."""
+        return self._against / self._seen if self._seen >= WIDE_HITS else math.nan
 
     def see(self, grid: Grid, world_from_base: SE2, scan: Scan) -> None:
         """Add a scan taken from where the robot believes to be."""
         use = np.isfinite(scan.range_m) & (scan.range_m < REACH_M)
         r, b = scan.range_m[use], scan.bearing_rad[use]
-        if len(r) == 0:
-            return
         hits = world_from_base.apply(np.stack([r * np.cos(b), r * np.sin(b)], axis=-1))
         near, free = _near_matter(grid, hits)
         known, against = int(near.sum()), int((free & ~near).sum())
-        keep = min(1.0, max(0.0, MEMORY - len(r)) / max(self._seen, 1e-9))
+        keep = min(FADE, max(0.0, MEMORY - len(r)) / max(self._seen, 1e-9))
         self._seen = self._seen * keep + len(r)
         self._known = self._known * keep + known
         self._against = self._against * keep + against

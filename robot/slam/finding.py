@@ -43,6 +43,8 @@ class SelfFinder:
         self.lost = False
         self._sure_ns: int | None = None  # when familiar landmarks last spoke for the pose
         self.placed_ns = 0  # when places last did
+        self._followed: set[int] | None = None  # tracks of the last frame
+        self._torn_ns = 0  # when they ended all at once, as they do when it is carried
 
     def moved(self, previous_from_current: SE2) -> None:
         """Carry the local frame along with the odometry."""
@@ -55,8 +57,14 @@ class SelfFinder:
         self._relocaliser = Relocaliser()
 
     def suspect(self, t_ns: int) -> None:
-        """What stands around is not what the map says: without familiar landmarks, be lost."""
-        if not self.lost and self._sure_ns is not None and t_ns - self._sure_ns > _SUSPECT_NS:
+        """What stands around is not what the map says: without familiar landmarks, be lost.
+
+        Not while what was followed at the last familiar landmark still leads to what is seen now,
+        for nobody carried the robot in between.
+        """
+        if self.lost or self._sure_ns is None or self._torn_ns <= self._sure_ns:
+            return
+        if t_ns - self._sure_ns > _SUSPECT_NS:
             self.lost = True
             self._drop_new()
 
@@ -64,6 +72,7 @@ class SelfFinder:
         """The robot knows where it is."""
         self.lost = False
         self._sure_ns = self.placed_ns = t_ns
+        self._followed = None
         self._drop_new()
 
     def search(self, seen: Seen) -> SE2 | None:
@@ -80,6 +89,7 @@ class SelfFinder:
         """
         if familiar >= _FAMILIAR_COUNT or self._sure_ns is None:
             self._sure_ns = seen.t_ns
+        self._follow(seen)
         self._learn(seen, pose)
         in_doubt = seen.t_ns - self._sure_ns > _DOUBT_NS
         if in_doubt:
@@ -93,6 +103,12 @@ class SelfFinder:
         elif in_doubt or glimpse.confirmed:  # one look is no match for landmarks long known
             self.lost = True  # the relocaliser goes on with what it has seen
             self._drop_new()
+
+    def _follow(self, seen: Seen) -> None:
+        tracks = {landmark.track_id for landmark in seen.landmarks if landmark.track_id >= 0}
+        if self._followed is not None and len(tracks & self._followed) < _FAMILIAR_COUNT:
+            self._torn_ns = seen.t_ns
+        self._followed = tracks
 
     def _learn(self, seen: Seen, pose: SE2) -> None:
         """New places wait, so that an error of the pose is not confirmed by what it made."""

@@ -109,6 +109,10 @@ class Slam:
         else:
             self._finder.found(0)
 
+    def confirm(self, cov: np.ndarray) -> None:
+        """Somebody knows that the pose is right as it stands, with covariance (3, 3)."""
+        self.put(SE2(*self._ekf.x[:3].tolist()), cov)
+
     def lift(self) -> None:
         """The robot hangs in the air: wherever it is put down, its pose is unknown.
 

@@ -63,3 +63,14 @@ def test_what_was_seen_long_ago_fades():
     for _ in range(12):
         recognition.see(corner(), SE2(-0.6, 0.3, 0.5), look(SE2()))
     assert recognition.share < 0.3
+
+
+def test_a_few_false_hits_in_a_wide_room_do_not_speak_against_the_place():
+    recognition = Recognition()
+    few = Scan(BEARINGS[:9], np.full(9, 0.6), np.full(9, 0.6))
+    for _ in range(100):
+        recognition.see(corner(), SE2(-0.5, 0.5, math.pi), few)
+    assert math.isnan(recognition.against)
+    for _ in range(5):
+        recognition.see(corner(), SE2(-0.6, 0.6, -0.4), look(SE2(0.2, 0.1, -0.4)))
+    assert recognition.against > 0.5

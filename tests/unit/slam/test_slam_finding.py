@@ -128,9 +128,9 @@ def test_carried_away_unnoticed_it_notices(memory: SlamMemory, ride: Drive, to_s
 class Insists:
     """A relocaliser that always names one pose."""
 
-    glimpse: Glimpse
+    glimpse: Glimpse | None
 
-    def look(self, *_: object) -> Glimpse:
+    def look(self, *_: object) -> Glimpse | None:
         return self.glimpse
 
 
@@ -144,6 +144,33 @@ def test_one_look_does_not_outweigh_landmarks_long_known(confirmed: bool, ride: 
     finder.found(seen.t_ns)
     finder.judge(replace(seen, t_ns=seen.t_ns + 3 * S), familiar=0, pose=SE2(), cov=SURE)
     assert finder.lost
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_what_is_followed_all_the_time_leaves_no_suspicion(torn: bool, ride: Drive) -> None:
+    finder = SelfFinder(CONFIG)
+    finder._relocaliser = Insists(None)  # type: ignore[assignment]
+    seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 3)
+    finder.judge(seen, familiar=5, pose=SE2(), cov=SURE)
+    others = tuple(replace(m, track_id=m.track_id + 1000) for m in seen.landmarks)
+    later = replace(seen, t_ns=seen.t_ns + 2 * S, landmarks=others if torn else seen.landmarks)
+    finder.judge(later, familiar=0, pose=SE2(), cov=SURE)
+    finder.suspect(later.t_ns)
+    assert finder.lost is torn
+
+
+def test_a_pose_that_is_confirmed_does_not_jump(memory: SlamMemory, ride: Drive) -> None:
+    slam = awake(memory, ride, 40.0)
+    last_ns = max(e.t_ns for e in ride.events if isinstance(e, Seen) and e.t_ns < 52 * S)
+    for event in ride.events:  # what moved it since its last frame
+        if last_ns < event.t_ns < last_ns + S and not isinstance(event, Seen):
+            slam.odometry(event)
+    slam.lift()
+    before = slam.pose_at(last_ns + S // 2)
+    slam.confirm(SURE)
+    after = slam.pose_at(last_ns + S // 2)
+    assert after.health == "ok"
+    assert np.allclose(after.world_from_base.log(), before.world_from_base.log(), atol=1e-9)
 
 
 def test_in_a_foreign_home_it_stays_lost(memory: SlamMemory) -> None:
