@@ -71,7 +71,7 @@ matchers in turn in one process. Command: `sweeper bench stereo --pairs DIR --js
 
 - Made for grey, rectified, horizontal pairs of 240x320 with disparities of 0 to 63 px; nearer
   things come out too far.
-- Trained on rendered pairs only, on one processor core; it still improved at the end.
+- Trained on rendered pairs only, on one processor core.
 - Guesses where only one eye sees: at the left border and beside outlines.
 - Mirrors, glass and large plain walls are guessed from their surroundings.
 """
