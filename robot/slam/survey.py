@@ -7,7 +7,7 @@ and the lag of ordered speeds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,16 +16,15 @@ from robot.slam.compatibility import PairTable, joint_compatibility
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
 from robot.slam.iterated import iterated_update
 from robot.slam.motion import compose
+from robot.slam.readings import CHI2_2_99, Readings
 from robot.slam.sensor import expected, locate, residual, sights_of
 from robot.slam.velocity import Velocities, VelocityNoise, velocity_increment
 
-CHI2_2_99 = 9.21  # 99 % of two degrees of freedom
 _ABSURD_CHI2 = 13.8  # 99.9 %: a named sight so far off carries a wrong name
 _READINGS = 2  # of a name in the same place, before it stays a landmark or makes a leap:
 _BOLD = 100.0  # what tells so much more than the filter knows
 _T_DOF = 4.0  # of Student's distribution, which weighs outliers down
 _REFUSALS = 5
-_WANDER_M = 0.02  # between two sights of a candidate the pose errs about so much
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +59,6 @@ class Known:
     sights: int
     last_s: float
     refused: int = 0  # sights in a row that were absurd
-    met: set[int] = field(default_factory=set)  # seen in the same frame: surely another thing
-
-
-@dataclass(slots=True, eq=False)
-class Candidate:
-    """Something seen that is not a landmark yet: sights from remembered poses."""
-
-    place: np.ndarray
-    cov: np.ndarray
-    name: int
-    count: int
-    last_s: float
 
 
 class Survey:
@@ -86,7 +73,8 @@ class Survey:
         self._orders = Velocities(orders)
         self._named = named
         self.known: list[Known] = []
-        self._candidates: list[Candidate] = []
+        needed = _READINGS if named else s.confirmations
+        self._readings = Readings(needed, s.confirm_within_s)
         self.t_s: float | None = None
         self._born = 0
 
@@ -181,13 +169,15 @@ class Survey:
         shared: np.ndarray,
     ) -> np.ndarray:
         """Mask (p,) of the named pairs that are no leap, or were read before in the same place."""
+        assert self.t_s is not None
         p = len(sight)
         own = shared.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + cov[sight]
         sure = np.linalg.det(own) < _BOLD**2 * np.linalg.det(cov[sight])
         places, _, by_sight = locate(self.ekf.x[POSE], sights[sight])
         spread = by_sight @ cov[sight] @ by_sight.transpose(0, 2, 1)
         for k in np.flatnonzero(~sure).tolist():
-            sure[k] = self._ripe(places[k], spread[k], self.known[int(landmark[k])].name)
+            name = self.known[int(landmark[k])].name
+            sure[k] = self._readings.add(places[k], spread[k], name, self.t_s)
         return np.asarray(sure)
 
     def _plausible(self, landmark: np.ndarray, distance: np.ndarray) -> np.ndarray:
@@ -229,11 +219,9 @@ class Survey:
             iterated_update(self.ekf, lambda: self._linearise(landmark), sights[sight], noise)
         else:  # a leap on the strength of a guessed name is better a short one
             self.ekf.update(columns, jacobian, away, noise)
-        met = {self.known[int(j)].name for j in landmark}
         for j in landmark.tolist():
             self.known[j].sights += 1
             self.known[j].last_s = self.t_s
-            self.known[j].met |= met
 
     # ------------------------------------------------------------ growing and forgetting
 
@@ -247,15 +235,14 @@ class Survey:
     ) -> None:
         """Let new things wait until they were seen again in the same place, then append them."""
         assert self.t_s is not None
-        oldest = self.t_s - self._settings.confirm_within_s
-        self._candidates = [c for c in self._candidates if c.last_s >= oldest]
+        self._readings.expire(self.t_s)
         if len(fresh):
             places, by_pose, by_sight = locate(self.ekf.x[POSE], sights[fresh])
             own = by_sight @ cov[fresh] @ by_sight.transpose(0, 2, 1)
             ripe = []
             for k in range(len(fresh)):
                 name = int(names[fresh[k]]) if self._named and names is not None else -1
-                if self._named or self._ripe(places[k], own[k], name):
+                if self._named or self._readings.add(places[k], own[k], name, self.t_s):
                     ripe.append(k)
             if ripe:
                 self.ekf.add(places[ripe], by_pose[ripe], by_sight[ripe], cov[fresh[ripe]])
@@ -265,26 +252,6 @@ class Survey:
                 self.known.append(Known(name, 1, self.t_s))
                 matched[fresh[k]] = name
         self._forget()
-
-    def _ripe(self, place: np.ndarray, cov: np.ndarray, name: int) -> bool:
-        assert self.t_s is not None
-        for candidate in self._candidates:
-            away = place - candidate.place
-            spread = candidate.cov + cov
-            fits = float(away @ np.linalg.solve(spread, away)) < CHI2_2_99
-            if candidate.name != name or not fits or candidate.last_s == self.t_s:
-                continue
-            gain = candidate.cov @ np.linalg.inv(spread)
-            candidate.place = candidate.place + gain @ away
-            candidate.cov = candidate.cov - gain @ candidate.cov + _WANDER_M**2 * np.eye(2)
-            candidate.count += 1
-            candidate.last_s = self.t_s
-            if candidate.count >= (_READINGS if self._named else self._settings.confirmations):
-                self._candidates.remove(candidate)
-                return True
-            return False
-        self._candidates.append(Candidate(place, cov, name, 1, self.t_s))
-        return self._settings.confirmations <= 1
 
     def _forget(self) -> None:
         """Drop what was seen a few times only and never again, or was placed by a false sight."""
