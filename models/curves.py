@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ HERE = Path(__file__).resolve().parent
 
 def draw_training(folder: Path) -> None:
     """Write `curve.png`: loss, and end-point error on held-back pairs, over minutes trained."""
-    lines = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
+    lines = _lasting(map(json.loads, (folder / "log.jsonl").read_text().splitlines()))
     figure, (above, below) = pyplot.subplots(2, 1, sharex=True, figsize=(8, 6))
     curves = {"loss": above} | {
         key: below for line in lines for key in line if key.endswith("epe_px")
@@ -38,6 +39,16 @@ def draw_training(folder: Path) -> None:
         axes.grid(alpha=0.3)
     below.set_xlabel("minutes trained")
     _save(figure, folder / "curve.png")
+
+
+def _lasting(lines: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Without what was done again after an interruption: the later lines replace it."""
+    kept: list[dict[str, Any]] = []
+    for line in lines:
+        while kept and kept[-1]["trained_s"] > line["trained_s"]:
+            kept.pop()
+        kept.append(line)
+    return kept
 
 
 def draw_cost(rows: list[dict[str, Any]], minstr: dict[str, float], path: Path) -> None:
