@@ -164,7 +164,7 @@ class MappingConfig(Section):
 
     resolution_m: Annotated[float, Meta(gt=0.0, le=0.2)] = 0.025
     max_range_m: Annotated[float, Meta(gt=0.2, le=10.0)] = 3.0  # farther ranges only say "free"
-    trusted_range_m: Positive = 1.2  # evidence fades with the square of the distance beyond
+    trusted_range_m: Positive = 0.8  # evidence fades with the square of the distance beyond
     range_sigma_per_m2: NotNegative = 0.022  # sigma_z = this * z^2 (0.3 px at 228 px, 6 cm)
     min_thickness_m: Positive = 0.05  # what is hit is taken to be at least so deep
     free_weight: Positive = 0.4  # log-odds that one scan takes from a free cell ...
@@ -180,7 +180,7 @@ class MappingConfig(Section):
 class PlanningConfig(Section):
     """Coverage and routes."""
 
-    margin_m: NotNegative = 0.010  # kept between the robot's rim and what is mapped
+    margin_m: NotNegative = 0.007  # kept between the robot's rim and what is mapped
     thin_margin_m: NotNegative = 0.008  # more of it beside legs and other thin things
     min_passage_m: NotNegative = 0.06  # room to spare in a gap that leads to a small place only
     unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor
