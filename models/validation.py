@@ -10,6 +10,7 @@ from torch import nn
 
 from models.data.batches import Shards
 from models.networks.blocks import INPUT_MEAN, INPUT_SCALE, MAX_DISPARITY
+from robot.evaluate.stereo import fill_background
 
 
 def predict(network: nn.Module, images: np.ndarray, size: int = 8) -> np.ndarray:
@@ -27,7 +28,7 @@ def predict(network: nn.Module, images: np.ndarray, size: int = 8) -> np.ndarray
 
 
 def measure(network: nn.Module, folder: Path, kinds: tuple[str, ...]) -> dict[str, float]:
-    """EPE and bad-1/2/3 (percent) per kind of pair that the folder holds."""
+    """EPE and bad-1/2/3 (percent) per kind of pair that the folder holds; gaps are filled."""
     result: dict[str, float] = {}
     for kind in kinds:
         shards = Shards(folder, kind)
@@ -35,7 +36,8 @@ def measure(network: nn.Module, folder: Path, kinds: tuple[str, ...]) -> dict[st
             continue
         images, truth = shards.everything()
         valid = np.isfinite(truth) & (truth > 0) & (truth < MAX_DISPARITY)
-        off = np.abs(predict(network, images) - np.nan_to_num(truth))[valid]
+        found = np.stack([fill_background(disparity) for disparity in predict(network, images)])
+        off = np.abs(found - np.nan_to_num(truth))[valid]
         result[f"{kind}_epe_px"] = float(off.mean())
         for n in (1, 2, 3):
             result[f"{kind}_bad{n}_pct"] = float(100 * (off > n).mean())
