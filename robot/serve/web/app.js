@@ -30,7 +30,7 @@ async function learn() {
     now.caps = new Map(capabilities.map((capability) => [capability.name, capability]));
     text("name", name);
     document.title = name;
-    for (const [id, needed] of [["show-camera", "camera"], ["show-landmarks", "landmarks"], ["tab-history", "history"], ["recheck", "check"], ["drive-box", "manual"], ["bundle", "bundle"], ["fleet-box", "fleet"], ["update-box", "update"], ["recent-box", "logs"]]) $(id).hidden = !has(needed);
+    for (const [id, needed] of [["show-camera", "camera"], ["show-landmarks", "landmarks"], ["tab-history", "history"], ["recheck", "check"], ["checks-title", "check"], ["drive-box", "manual"], ["bundle", "bundle"], ["fleet-box", "fleet"], ["update-box", "update"], ["recent-box", "logs"]]) $(id).hidden = !has(needed);
     $("tab-map").hidden = !["zones", "rooms", "no_go", "walls", "go_to"].some(has);
     $("tab-plan").hidden = !["schedules", "consumables"].some(has);
     $("show-rooms").hidden = !has("rooms");

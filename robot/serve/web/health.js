@@ -51,8 +51,8 @@ export function facts(s, hello) {
     ["Position", { ok: "known well", degraded: "uncertain", lost: "lost" }[s.health] || "–"],
     ["Motor controller", s.link == null ? "–" : s.link ? s.stop_reason ? `holds a stop: ${s.stop_reason}` : "answers" : "silent"],
     ["Battery", s.battery_v == null ? "–" : `${s.battery_v.toFixed(1)} V`],
-    ["Processor", s.temperature_c == null ? "no thermometer" : `${s.temperature_c.toFixed(0)} °C`],
-    ["Bumper", s.bumped ? "pressed" : "free"],
+    ["Processor", s.temperature_c === undefined ? "–" : s.temperature_c === null ? "no thermometer" : `${s.temperature_c.toFixed(0)} °C`],
+    ["Bumper", s.bumped == null ? "–" : s.bumped ? "pressed" : "free"],
     ["Software", hello.software ? `${hello.software}, ${hello.body}` : "–"]];
   $("facts").replaceChildren(...rows.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
   const stages = Object.entries(s.stage_ms || {}), most = Math.max(1, ...stages.map(([, ms]) => ms));

@@ -224,7 +224,7 @@ export class MapView {
     this.floor();
     paintDrawn(this, p);
     if (this.showTrack) this.way();
-    this.dock();
+    if (this.pose || !this.empty) this.dock();
     if (this.showLandmarks) for (const [x, y, xx, xy, yy] of this.landmarks) this.landmark(x, y, xx, xy, yy);
     if (this.pose) this.robot();
     if (this.sketch.kind) this.sketch.paint(p);

@@ -1,6 +1,7 @@
 """The calibration wizard of the running robot: from pictures of a board to a file."""
 
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,12 @@ import numpy as np
 from board_pictures import SIZE, board_poses, picture, views
 
 from robot.body.calibrating import EXACT, WANTED_VIEWS, CalibrationDesk, Sitting
+from robot.body.onlookers import Onlookers
 from robot.calibrate.board import parse_board
 from robot.calibrate.stereo import calibrate_stereo
+from robot.config import Config
 from robot.errors import CalibrationError, RequestError
-from robot.messages import StereoFrame
+from robot.messages import MissionState, StereoFrame
 from robot.perception.calibration_files import parse_calibration
 
 BOARD = "chess:8x6:24mm"
@@ -126,6 +129,38 @@ def test_it_ends_when_it_is_told_or_the_robot_sets_out(desk):
         end()
         sitting.join(timeout=5)
         assert not sitting.is_alive() and not ask(desk, "show")["data"]["running"]
+
+
+@pytest.mark.parametrize("body", ["sim", "live"])
+def test_a_run_with_books_answers_for_its_eyes(tmp_path, body):
+    """As `sweeper run --home --socket` puts it together."""
+    with ExitStack() as stack:
+        onlookers = Onlookers(tmp_path / "s.sock", Config(), body, stack)
+        assert onlookers.recorder(None) is None  # nobody keeps books yet
+        books = onlookers.keep_books(NoLog(), tmp_path)
+        verbs = onlookers.control.books
+        assert {"history", "calibration begin"} <= verbs.keys()
+        if body == "sim":
+            assert verbs["calibration show"](())["reason"] == EXACT
+            return
+        verbs["calibration begin"]((BOARD,))
+        onlookers.recorder(None).frame(StereoFrame(0, 1, *[np.zeros((48, 64), np.uint8)] * 2))
+        assert verbs["calibration show"](())["data"]["running"]
+        books.command(MissionState(1, "clean", "start was requested", 0.0, 5.0))
+        with pytest.raises(RequestError, match="busy"):
+            verbs["calibration begin"](())
+
+
+class NoLog:
+    """An `EventLog` that keeps nothing."""
+
+    def event(self, event):
+        pass
+
+    command = event
+
+    def flush(self):
+        pass
 
 
 def test_pictures_go_on_to_the_recorder_and_to_who_calibrates(desk):
