@@ -12,14 +12,11 @@ unused rows are zero. Who reads `P` gets the lower half filled in first.
 EKF-SLAM: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), chapter 10.
 
 A plain EKF linearises the same landmark about ever new estimates, and so believes to have learned
-the heading from sights that cannot tell it. `invariant` keeps the errors of all positions in the
-frame that turns with the heading's error: the right-invariant EKF of Barrau and Bonnabel, "An EKF-
-SLAM algorithm with consistency properties" (2015), in the coordinates of the plain one.
+the heading from sights that cannot tell it. An `invariant` one does not: see `turning`.
 """
 
 from __future__ import annotations
 
-import cmath
 import copy
 
 import numpy as np
@@ -28,6 +25,7 @@ from scipy.linalg.blas import dsyr2, dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 
 from robot.geometry.se2 import wrap_angle
+from robot.slam.turning import bend, multiply, swing
 
 POSE, CALIBRATION, MARKER = slice(0, 3), slice(3, 7), slice(7, 10)
 FIRST_LANDMARK = 10
@@ -187,21 +185,12 @@ class LandmarkFilter(ExtendedKalmanFilter):
         self._stale = True
 
     def _turn_positions(self, change: np.ndarray) -> None:
-        """Make the correction (n or more,) turn all positions together, and P with them.
-
-        With xi = (turn, shift of each position), positions as complex numbers p and the change c
-        that the gain gives, a position becomes exp(xi) p, where shift = c - i p turn; that is
-        p + c (exp(i turn) - 1) / (i turn). Its error is shift + i p turn, so that the covariance
-        must follow p: P becomes (I + s e^T) P (I + e s^T), where the swing s is i times the way
-        that each position went, and e picks the heading.
-        """
+        """Make the correction (n or more,) turn all positions together, and P with them."""
         self._bend(change)
-        swing = np.zeros_like(change)
-        for part in _positions(change):
-            swing[part].view(complex)[:] = 1j * change[part].view(complex)
+        swung = swing(change, _positions(change))
         yaw = self.head()[YAW, YAW]
-        row = self._store[YAW] + (0.5 * yaw) * swing
-        dsyr2(1.0, swing, row, a=self._store.T, lower=1, overwrite_a=1)
+        row = self._store[YAW] + (0.5 * yaw) * swung
+        dsyr2(1.0, swung, row, a=self._store.T, lower=1, overwrite_a=1)
 
     def put(self, pose: np.ndarray, cov: np.ndarray) -> None:
         """Put the robot to `pose` (3,) with covariance `cov` (3, 3), known from elsewhere."""
@@ -212,19 +201,11 @@ class LandmarkFilter(ExtendedKalmanFilter):
 
     def bend(self, turn_rad: float) -> tuple[complex, complex]:
         """What a position's change is multiplied by when the heading's is `turn_rad`; its slope."""
-        if not self._invariant:
-            return 1.0 + 0j, 0j
-        turn = 1j * turn_rad
-        if abs(turn) < 1e-4:
-            return 1.0 + 0.5 * turn, 1j * (0.5 + turn / 3.0)
-        grown = cmath.exp(turn)
-        return (grown - 1.0) / turn, 1j * (turn * grown - grown + 1.0) / turn**2
+        return bend(turn_rad) if self._invariant else (1.0 + 0j, 0j)
 
     def _bend(self, change: np.ndarray) -> None:
         """Make a change (n or more,) that the gain gives the way that each entry goes."""
-        factor, _ = self.bend(float(change[YAW]))
-        for part in _positions(change):
-            change[part].view(complex)[:] *= factor
+        multiply(change, self.bend(float(change[YAW]))[0], _positions(change))
 
     def changed(self, change: np.ndarray) -> np.ndarray:
         """The state (n,) after a change (n,) that the gain gives; this one stays as it is."""
