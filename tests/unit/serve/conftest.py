@@ -36,8 +36,11 @@ def house(tmp_path_factory):
     (run / "secret.txt").write_text("SECRET")
     (folder / "secret.txt").write_text("SECRET")
     (run / "trajectory.tum").symlink_to(folder / "secret.txt")
+    (folder / "ring").mkdir()
+    (folder / "ring" / "log-000001.mcap").write_bytes(bytes(1000))
+    (folder / "ring" / "log-000002.mcap").symlink_to(folder / "secret.txt")
     robot = StandIn(folder / "control.sock")
-    with served(folder, folder / "control.sock") as server:
+    with served(folder, folder / "control.sock", log_ring=folder / "ring") as server:
         wait_for(lambda: server.json("/api/v1/status")[1]["connected"])
         wait_for(lambda: server.ask("/api/v1/map.png")[0] == 200)
         wait_for(lambda: server.ask("/api/v1/landmarks")[0] == 200)

@@ -55,7 +55,7 @@ def test_without_a_key_nothing_is_open_but_health(house):
 
 def test_with_a_key_every_page_opens(house):
     server, *_ = house
-    elsewhere = ("/fleet", "/bundle", "/logs", "/update", "/board.png")
+    elsewhere = ("/fleet", "/bundle", "/logs/", "/update", "/board.png")
     for method, path in routes(house):
         if method == "GET" and not any(word in path for word in elsewhere):
             assert server.ask(path)[0] == 200, path

@@ -82,6 +82,10 @@ def test_history_and_health(page):
     with page.expect_download() as download:
         page.click("text=Log")
     assert download.value.suggested_filename.endswith("log.mcap")
+    assert "0.0 MB" in page.inner_text("#recent")
+    with page.expect_download() as download:
+        page.click("#recent a")
+    assert download.value.suggested_filename == "log-000001.mcap"
     page.click("#tab-health")
     page.wait_for_selector("#checks li")
     assert "12 MB free" in page.inner_text("#checks")
