@@ -35,7 +35,7 @@ SIDES_RAD = {"left": (0.0, 1.5), "right": (-1.5, 0.0), "front": (-0.5, 0.5)}
 TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was touched
 TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
 TOUCH_HALF_M = 0.025  # half the width of what is marked at least
-STRIP_M = 0.12  # of a wall, to either side, at the first touch
+STRIP_M = 0.3  # of a wall, to either side: who drives along it would touch it again and again
 
 
 class Recover(State):
@@ -192,7 +192,7 @@ class Recover(State):
         if self._kind in ("bump", "stuck") or held:
             side = "front" if contact.bump_left == contact.bump_right else "left"
             side = "right" if side == "left" and contact.bump_right else side
-            now.grid.mark_obstacle(_touched(now, *SIDES_RAD[side], STRIP_M * self._try))
+            now.grid.mark_obstacle(_touched(now, *SIDES_RAD[side]))
         elif self._kind == "cliff":
             now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
         elif self._kind == "blocked":
@@ -201,16 +201,16 @@ class Recover(State):
             now.grid.mark_obstacle(world_from_odom.apply(points))
 
 
-def _touched(now: Situation, low_rad: float, high_rad: float, strip_m: float) -> np.ndarray:
+def _touched(now: Situation, low_rad: float, high_rad: float) -> np.ndarray:
     """Points (n, 2) of `world` where the bumper met something between two bearings.
 
     If the map knows matter close to the rim there, that is what was touched, and as much of it as
-    lies along the touched tangent within `strip_m` is moved there: the map was off. Otherwise the
+    lies along the touched tangent within `STRIP_M` is moved there: the map was off. Otherwise the
     middle of the side is as good a guess as any. Marking more would close narrow passages.
     """
     guess = 0.4 * (low_rad + high_rad)
     rim_m = now.robot.radius_m + TOUCH_GAP_M
-    known = matter_near(now.view, now.pose, rim_m + strip_m)
+    known = matter_near(now.view, now.pose, rim_m + STRIP_M)
     at = now.pose.inverse().apply(known)
     away, bearing = np.hypot(at[:, 0], at[:, 1]), np.arctan2(at[:, 1], at[:, 0])
     close = away < now.robot.radius_m + TOUCH_REACH_M
@@ -220,7 +220,7 @@ def _touched(now: Situation, low_rad: float, high_rad: float, strip_m: float) ->
     normal = np.array([math.cos(guess), math.sin(guess)])
     tangent = np.array([-normal[1], normal[0]])
     beyond, along = at @ normal - rim_m, at @ tangent
-    wall = (np.abs(beyond) < TOUCH_REACH_M) & (np.abs(along) < strip_m)
+    wall = (np.abs(beyond) < TOUCH_REACH_M) & (np.abs(along) < STRIP_M)
     strip = np.outer(np.append(along[wall], [-TOUCH_HALF_M, 0.0, TOUCH_HALF_M]), tangent)
     return now.pose.apply(strip + rim_m * normal)
 
