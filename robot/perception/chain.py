@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
@@ -25,7 +26,7 @@ from robot.perception.rectify import Rectifier, check_image
 from robot.perception.scan import ScanMaker
 from robot.perception.tracks import Tracker, TrackIds
 
-SMOOTHING_PX = 1.0
+SMOOTHING_PX = (5, 5)  # the binomial kernel of that size has a sigma of 1 px, and is quick
 
 
 class Perception:
@@ -79,11 +80,13 @@ class Perception:
             floor = self._floor.update(trusted.disparity_px, self._config.max_disparity_px)
             scan = self._scan.make(trusted.disparity_px, floor)
         with stage("tracks"):
-            smooth = cv2.GaussianBlur(left, (0, 0), SMOOTHING_PX)
-            smooth_right = cv2.GaussianBlur(right, (0, 0), SMOOTHING_PX)
+            smooth, smooth_right = (
+                cv2.GaussianBlur(eye, SMOOTHING_PX, 0.0) for eye in (left, right)
+            )
             turn_rad = frame.yaw_change_rad
             guess = self._odometry.expected_motion(turn_rad)
-            tracks = self._tracker.follow(smooth, self._odometry.expected_pixels(turn_rad))
+            expected = self._odometry.expected_pixels(turn_rad)
+            tracks = self._tracker.follow(smooth, expected, told=math.isfinite(turn_rad))
             ground_px = floor.disparity_px(*(tracks.pixel - self._centre).T)
             points = measure(smooth, smooth_right, trusted.disparity_px, tracks, ground_px)
         with stage("motion"):

@@ -161,17 +161,21 @@ class EdgeFinder:
 
 
 def _near_disparity(lines: Lines, dense: np.ndarray) -> np.ndarray:
-    """Median disparity (n,) of the nearer of the two sides of every edge, NaN if unknown."""
+    """Median disparity (n,) of the nearer of the two sides of every edge, NaN if unknown.
+
+    Every second row is asked.
+    """
     near = np.full(len(lines.u), np.nan)
     first, last = BESIDE_PX
     for i in range(len(near)):
         column = round(float(lines.u[i]))
-        rows = slice(int(lines.top[i]), int(lines.bottom[i]) + 1)
+        rows = slice(int(lines.top[i]), int(lines.bottom[i]) + 1, 2)
         for start in (column - last, column + first):
             side = dense[rows, max(start, 0) : max(start + last - first + 1, 0)]
-            known = side[np.isfinite(side)]
-            if known.size > MIN_KNOWN * max(side.size, 1):
-                near[i] = np.fmax(near[i], np.median(known))
+            ordered = np.sort(side, axis=None)  # NaN goes last
+            known = int(np.count_nonzero(ordered == ordered))
+            if known > MIN_KNOWN * max(side.size, 1):
+                near[i] = np.fmax(near[i], ordered[(known - 1) // 2])
     return near
 
 

@@ -7,12 +7,13 @@ eyes see the same thing.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 GAIN_RANGE = (0.5, 2.0)
 LEARN = 0.3  # share of a newly measured change that is taken over
-STEP_PX = 4  # every fourth row and column is plenty
-MIN_PIXELS = 200
+STEP_PX = 8  # every eighth row and column is plenty
+MIN_PIXELS = 50
 MIN_GREY, MAX_GREY = 10, 245  # darker is noise, brighter may be clipped
 
 
@@ -27,7 +28,7 @@ class Exposure:
         if self._gain is None:
             self._gain = _limited(float(left.mean()) / max(float(right.mean()), 1.0))
         table = np.rint(np.arange(256) * self._gain)
-        return np.clip(table, 0, 255).astype(np.uint8)[right]
+        return cv2.LUT(right, np.clip(table, 0, 255).astype(np.uint8))
 
     def learn(self, left: np.ndarray, right: np.ndarray, disparity_px: np.ndarray) -> None:
         """Correct the gain by a pair that `match` made alike, and its disparity (h, w)."""

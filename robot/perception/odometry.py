@@ -84,8 +84,9 @@ class VisualOdometry:
             residual, jacobian = self._linearise(pose, pairs)
             chi2 = np.sum(residual**2, axis=1)
             weight = (width**2 / (width**2 + chi2)) ** 2
-            normal = np.einsum("nri,nrj,n->ij", jacobian, jacobian, weight) + _PRIOR
-            slope = np.einsum("nri,nr,n->i", jacobian, residual, weight)
+            weighted = (jacobian * weight[:, None, None]).reshape(-1, 4).T
+            normal = weighted @ jacobian.reshape(-1, 4) + _PRIOR
+            slope = weighted @ residual.reshape(-1)
             slope[3] += _PRIOR[3, 3] * pose[3]
             pose = pose - np.linalg.solve(normal, slope)
         residual, jacobian = self._linearise(pose, pairs)
@@ -129,20 +130,21 @@ class VisualOdometry:
         u = focal * cam[:, 0] / z
         v = focal * cam[:, 1] / z
         seen = np.column_stack([u + camera.cx_px, v + camera.cy_px + nod_px, fb / z])
-        by_cam = np.zeros((len(z), 3, 3))
-        by_cam[:, 0, 0] = by_cam[:, 1, 1] = focal / z
-        by_cam[:, 0, 2], by_cam[:, 1, 2], by_cam[:, 2, 2] = -u / z, -v / z, -fb / z**2
-        by_pose = np.zeros((len(z), 3, 3))
-        by_pose[:, 0, 0] = by_pose[:, 1, 1] = 1.0
-        by_pose[:, 0, 2], by_pose[:, 1, 2] = -turned[:, 1], turned[:, 0]
+        # How the point moves in the camera frame (n, 3) for a change of each of x, y and yaw.
+        across = np.column_stack([-turned[:, 1], turned[:, 0]]) @ rotation[:2]
         jacobian = np.zeros((len(z), 3, 4))
-        jacobian[:, :, :3] = by_cam @ (rotation.T @ by_pose)
         jacobian[:, 1, 3] = 1.0
+        for k, step in enumerate((rotation[None, 0], rotation[None, 1], across)):
+            away = step[:, 2] / z
+            jacobian[:, 0, k] = focal * step[:, 0] / z - u * away
+            jacobian[:, 1, k] = focal * step[:, 1] / z - v * away
+            jacobian[:, 2, k] = -fb / z * away
         return (seen - pairs.before) / SIGMA_PX, jacobian / SIGMA_PX[:, None]
 
     def _covariance(self, residual: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         """Of (x, y, yaw): inverse information, scaled by what the residuals say about the noise."""
-        information = np.einsum("nri,nrj->ij", jacobian, jacobian) + _PRIOR
+        rows = jacobian.reshape(-1, 4)
+        information = rows.T @ rows + _PRIOR
         variance = max(1.0, float(np.mean(residual**2)))
         cov = np.linalg.inv(information)[:3, :3] * variance * COV_FACTOR
         return cov + np.diag(FLOOR_SIGMA**2)

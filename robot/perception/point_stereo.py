@@ -18,8 +18,8 @@ REACH_PX = 3  # half the neighbourhood looked at
 FLOOR_PX = 0.7  # the dense disparity of floor is so near to the plane's ...
 FLOOR_SHARE = 0.04  # ... or so much of it
 MIN_FLOOR_PX = 5.0  # farther away floor and what stands on it look the same
-WINDOW_PX = (15, 13)
-STOP = (3, 20, 0.01)  # by count and by epsilon
+WINDOW_PX = (16, 13)  # a multiple of four wide, see tracks
+STOP = (3, 10, 0.02)  # by count and by epsilon
 
 
 @dataclass(frozen=True, slots=True, eq=False)

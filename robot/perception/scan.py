@@ -17,6 +17,7 @@ from robot.messages import Scan
 from robot.perception.floor import FloorPlane
 
 COLUMN_PX = 2
+ROW_PX = 2  # obstacles are looked for in every second row: what matters is taller than a pixel
 CELL_PX = 0.5  # of disparity
 MIN_EXTENT_M = 0.018  # of an obstacle, above the lowest height that counts
 EXTENT_SLOPE, NEAR_M, MAX_EXTENT_M = 0.03, 0.5, 0.05  # ... growing beyond a distance
@@ -38,7 +39,6 @@ class ScanMaker:
         self._u = np.arange(camera.width_px, dtype=np.float32) - np.float32(camera.cx_px)
         self._v = np.arange(camera.height_px, dtype=np.float32) - np.float32(camera.cy_px)
         self._columns = math.ceil(camera.width_px / COLUMN_PX)
-        self._column = np.arange(camera.width_px, dtype=np.int32) // COLUMN_PX
         self._column_u = (np.arange(self._columns) + 0.5) * COLUMN_PX - 0.5
         self._cells = math.ceil(config.max_disparity_px / CELL_PX) + 1
         self._min_px = camera.focal_px * camera.baseline_m / config.scan_range_m
@@ -47,13 +47,9 @@ class ScanMaker:
 
     def make(self, disparity_px: np.ndarray, floor: FloorPlane) -> Scan:
         """Scan of one frame from disparity (h, w), NaN where unknown."""
-        ground = (
-            np.float32(floor.slope_u) * self._u[None, :]
-            + (np.float32(floor.slope_v) * self._v + np.float32(floor.offset_px))[:, None]
-        )
-        nearest_px = self._obstacles(disparity_px, ground, floor.height_m)
+        nearest_px = self._obstacles(disparity_px[::ROW_PX], floor)
         range_m = self._ranges(nearest_px, floor)
-        free_z = self._free_depth(disparity_px, ground, floor)
+        free_z = self._free_depth(disparity_px, floor)
         fb = self._camera.focal_px * self._camera.baseline_m
         with np.errstate(divide="ignore"):
             free_z = np.minimum(free_z, np.where(nearest_px > 0, fb / nearest_px, np.inf))
@@ -62,22 +58,27 @@ class ScanMaker:
 
     # ------------------------------------------------------------------ obstacles
 
-    def _obstacles(self, disparity: np.ndarray, ground: np.ndarray, height_m: float) -> np.ndarray:
-        """Disparity (columns,) of the nearest obstacle in every column; 0 where there is none."""
-        config = self._config
-        low, high = config.min_obstacle_m / height_m, config.max_obstacle_m / height_m
-        above = disparity - ground
+    def _obstacles(self, disparity: np.ndarray, floor: FloorPlane) -> np.ndarray:
+        """Disparity (columns,) of the nearest obstacle in every column; 0 where there is none.
+
+        `disparity` holds every `ROW_PX`-th row.
+        """
+        low = self._config.min_obstacle_m / floor.height_m
+        high = self._config.max_obstacle_m / floor.height_m
+        above = disparity - _ground(floor, self._u, self._v[::ROW_PX])
         with np.errstate(invalid="ignore"):
             votes = (above > np.float32(low) * disparity) & (above < np.float32(high) * disparity)
             votes &= (above > MIN_ABOVE_PX) & (disparity > self._min_px)
-        row, column = np.nonzero(votes)
-        d = disparity[votes]
-        cell = np.minimum((d * np.float32(1.0 / CELL_PX)).astype(np.int32), self._cells - 1)
-        index = self._column[column] * self._cells + cell
+        pixel = np.flatnonzero(votes)
+        row = pixel // disparity.shape[1]
+        column = (pixel - row * disparity.shape[1]) // COLUMN_PX
+        d = disparity.ravel()[pixel]
+        cell = np.minimum((d * np.float32(1.0 / CELL_PX)).astype(np.intp), self._cells - 1)
+        index = column * self._cells + cell
         shape = (self._columns, self._cells)
         count = np.bincount(index, minlength=shape[0] * shape[1]).reshape(shape)
         total = np.bincount(index, weights=d, minlength=count.size).reshape(shape)
-        count, total = _sum_of_three(count, 1), _sum_of_three(total, 1)
+        count, total = _sum_of_three(count), _sum_of_three(total)
         centre = (np.arange(self._cells) + 0.5) * CELL_PX
         enough = (self._rows(row, column, cell) >= self._least_rows(centre)) & (count > 0)
         nearest = self._cells - 1 - np.argmax(enough[:, ::-1], axis=1)
@@ -88,15 +89,6 @@ class ScanMaker:
         found = enough.any(axis=1)
         mean = total[column, nearest] / np.maximum(count[column, nearest], 1)
         return np.where(found, mean, 0.0)
-
-    def _climb(self, count: np.ndarray, nearest: np.ndarray) -> np.ndarray:
-        """From the near flank of a peak (columns,) to its top, a little farther away."""
-        reach = (CLIMB_PX + CLIMB_SHARE * CELL_PX * nearest) / CELL_PX
-        steps = np.arange(int(reach.max()) + 1)
-        behind = np.maximum(nearest[:, None] - steps, 0)
-        votes = np.take_along_axis(count, behind, axis=1)
-        votes = np.where(steps <= reach[:, None], votes, -1)
-        return nearest - np.argmax(votes, axis=1)
 
     def _least_rows(self, disparity: np.ndarray) -> np.ndarray:
         """Rows that an obstacle must fill; what is low is believed only when it is near.
@@ -110,16 +102,17 @@ class ScanMaker:
     def _rows(self, row: np.ndarray, column: np.ndarray, cell: np.ndarray) -> np.ndarray:
         """How many image rows voted (columns, cells), neighbours in both counted as one.
 
-        Matching errors run along rows, obstacles stand across them: a streak is one vote.
+        Matching errors run along rows, obstacles stand across them: a streak is one vote. Each
+        row is one bit, so that neighbours are joined and rows counted 64 at a time.
         """
-        shape = (self._columns + 2, self._cells + 2, self._camera.height_px)
-        voted = np.zeros(shape, np.uint8)
-        flat = voted.reshape(-1)
-        place = ((self._column[column] + 1) * shape[1] + cell + 1) * shape[2] + row
-        for aside in (-1, 0, 1):
-            for behind in (-1, 0, 1):
-                flat[place + (aside * shape[1] + behind) * shape[2]] = 1
-        return voted.sum(axis=2, dtype=np.uint16)[1:-1, 1:-1]
+        shape = (math.ceil(len(self._v) / ROW_PX / 64), self._columns + 2, self._cells + 2)
+        voted = np.zeros(64 * math.prod(shape), np.uint8)
+        place = ((row // 64) * shape[1] + column + 1) * shape[2] + cell + 1
+        voted[place * 64 + row % 64] = 1
+        words = np.packbits(voted).view(np.uint64).reshape(shape)
+        words = words[:, :-2] | words[:, 1:-1] | words[:, 2:]
+        words = words[:, :, :-2] | words[:, :, 1:-1] | words[:, :, 2:]
+        return ROW_PX * np.bitwise_count(words).sum(axis=0, dtype=np.intp)
 
     def _ranges(self, nearest_px: np.ndarray, floor: FloorPlane) -> np.ndarray:
         """Nearest obstacle (bearings,) in `base`, NaN where none."""
@@ -141,30 +134,32 @@ class ScanMaker:
 
     # ------------------------------------------------------------------ free floor
 
-    def _free_depth(
-        self, disparity: np.ndarray, ground: np.ndarray, floor: FloorPlane
-    ) -> np.ndarray:
-        """Depth z (columns,) up to which floor was seen without a long gap; 0: none."""
+    def _free_depth(self, disparity: np.ndarray, floor: FloorPlane) -> np.ndarray:
+        """Depth z (columns,) up to which floor was seen without a long gap; 0: none.
+
+        Far away, where rows are metres apart, every row counts.
+        """
+        ground = _ground(floor, self._u, self._v)
         tolerance = self._config.min_obstacle_m / floor.height_m
         with np.errstate(invalid="ignore"):
             flat = np.abs(disparity - ground) < np.maximum(np.float32(tolerance) * ground, FLOOR_PX)
         flat &= (ground > self._min_px) & (ground < self._config.max_disparity_px)
         # Where the foot of a wall passes for floor, its own disparity still tells its depth.
-        nearness = np.where(flat, np.fmax(disparity, ground), np.float32(0.0))
+        nearness = np.fmax(disparity, ground) * flat
         pad = self._columns * COLUMN_PX - flat.shape[1]
         nearness = np.pad(nearness, ((0, 0), (0, pad))) if pad else nearness
         nearness = np.maximum(nearness[:, ::COLUMN_PX], nearness[:, COLUMN_PX - 1 :: COLUMN_PX])
         flat = nearness > 0.0
         fb = np.float32(self._camera.focal_px * self._camera.baseline_m)
-        depth = fb / np.where(flat, nearness, np.float32(1.0))
+        first_z = fb / np.float32(self._config.max_disparity_px)  # nearer floor cannot be matched
+        depth = fb / np.maximum(nearness, np.float32(1e-3)) * flat
         # Upwards from the bottom row: depth of the last floor seen so far, and the gap since.
         depth, flat = depth[::-1], flat[::-1]
-        first_z = fb / np.float32(self._config.max_disparity_px)  # nearer floor cannot be matched
-        last = np.maximum.accumulate(np.where(flat, depth, first_z), axis=0)
+        last = np.maximum.accumulate(np.maximum(depth, first_z), axis=0)
         before = np.vstack([np.full((1, last.shape[1]), first_z, last.dtype), last[:-1]])
         broken = flat & (depth - before > np.maximum(GAP_M, GAP_SHARE * depth))
-        whole = np.cumsum(broken, axis=0) == 0
-        return np.max(np.where(flat & whole, depth, np.float32(0.0)), axis=0)
+        whole = ~np.logical_or.accumulate(broken, axis=0)
+        return np.max(depth * whole, axis=0)
 
     def _clear(self, free_z: np.ndarray) -> np.ndarray:
         """Free floor (bearings,) along every ray from `base`, from depth (columns,).
@@ -206,8 +201,13 @@ class ScanMaker:
         return column, z, steps
 
 
-def _sum_of_three(values: np.ndarray, axis: int) -> np.ndarray:
-    """Every value plus its two neighbours along an axis."""
-    wide = np.pad(values, [(1, 1) if i == axis else (0, 0) for i in range(values.ndim)])
-    parts = (np.take(wide, range(k, k + values.shape[axis]), axis=axis) for k in range(3))
-    return np.sum(list(parts), axis=0)
+def _ground(floor: FloorPlane, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Disparity (rows, columns) of the floor, for places relative to the principal point."""
+    rows = np.float32(floor.slope_v) * v + np.float32(floor.offset_px)
+    return rows[:, None] + np.float32(floor.slope_u) * u
+
+
+def _sum_of_three(values: np.ndarray) -> np.ndarray:
+    """Every value of (n, m) plus its two neighbours along the second axis."""
+    wide = np.pad(values, ((0, 0), (1, 1)))
+    return wide[:, :-2] + wide[:, 1:-1] + wide[:, 2:]

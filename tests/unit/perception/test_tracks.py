@@ -51,7 +51,9 @@ def test_points_are_followed_where_the_world_moves_them():
 
 def test_corners_keep_their_distance_and_the_count_its_bound():
     left, _, _ = view(SE2(0.0, 0.0, 0.3))
-    tracks = Tracker(CONFIG, CAMERA, TrackIds()).follow(left)
+    tracker = Tracker(CONFIG, CAMERA, TrackIds())
+    tracker.follow(left)
+    tracks = tracker.follow(left)  # one half's corners are added in each frame
     assert 0.8 * CONFIG.max_tracks <= len(tracks.pixel) <= CONFIG.max_tracks
     upper = tracks.pixel[tracks.pixel[:, 1] < CAMERA.cy_px + SPACING_PX]
     gaps = np.linalg.norm(upper[:, None] - upper[None], axis=2) + 100 * np.eye(len(upper))
