@@ -64,13 +64,13 @@ def _match(matcher: str, frame: Any) -> np.ndarray:
     return np.asarray(depth.match(frame.left, frame.right).disparity_px)
 
 
-def live(stretch: dict[str, Any], mark: Any) -> tuple[int, int]:
+def live(stretch: dict[str, Any], mark: Any, matcher: str = "sgbm") -> tuple[int, int]:
     """Frames and ticks that were counted."""
     from robot.body.sources import open_perception
     from robot.brain import Brain
     from robot.messages import Seen, Tick
 
-    config = _config("sgbm")
+    config = _config(matcher)
     brain, perception = Brain(config), open_perception(config)
     frames = {frame.t_ns: frame for frame in stretch["frames"]}
     seen = frames_counted = ticks = 0
