@@ -38,8 +38,8 @@ class Ticking(StandIn):
     """Measures what each tick costs and how late it begins."""
 
     def __init__(self, path):
+        self.costs, self.lates, self.cpu = [], [], []  # before the thread begins
         super().__init__(path)
-        self.costs, self.lates, self.cpu = [], [], []
 
     def run(self):
         start, tick = time.monotonic(), 0
@@ -62,12 +62,13 @@ def attackers(server, stop):
     held = []
 
     def watch():
-        try:
-            with connect(live, additional_headers=key) as line:
-                while not stop.is_set():
-                    line.recv(timeout=30)
-        except Exception:
-            return
+        while not stop.is_set():
+            try:
+                with connect(live, additional_headers=key, ping_interval=None) as line:
+                    while not stop.is_set():
+                        line.recv(timeout=30)
+            except Exception:  # hung up on: come again
+                stop.wait(0.5)
 
     def idle():
         while not stop.is_set():
@@ -96,12 +97,13 @@ def attackers(server, stop):
                 stop.wait(0.05)
 
     def slow():
-        try:
-            with connect(live, additional_headers=key, max_queue=1) as line:
-                stop.wait()
-                line.close()
-        except Exception:
-            return
+        while not stop.is_set():
+            try:
+                with connect(live, additional_headers=key, max_queue=1, ping_interval=None) as line:
+                    stop.wait(20)
+                    line.close()
+            except Exception:
+                stop.wait(0.5)
 
     kinds = [watch] * 100 + [idle] + [body] * 2 + [slow] * 5
     threads = [threading.Thread(target=kind, daemon=True) for kind in kinds]
@@ -173,7 +175,11 @@ def under_attack(robot, server_pid, port, token):
     """Turns of ticks while the attackers are held, and while they are at it; serve's most MB; the
     median number of connections that the attackers hold.
     """
-    crowd = behind([sys.executable, __file__, str(port), token], stdin=subprocess.PIPE)
+    crowd = behind(
+        [sys.executable, __file__, str(port), token],
+        stdin=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
     calm, busy, most_mb, lines = [], [], 0.0, []
     try:
         wait_for(lambda: connections(port) > 500, 120)
