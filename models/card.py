@@ -22,9 +22,9 @@ TEXT = """# {name}
 {what}
 
 Input: `left`, `right`, float32 (1, 1, {height_px}, {width_px}), {preprocessing}, a rectified pair.
-Output: `disparity` float32 (1, 1, {height_px}, {width_px}), px at input size, dense, 0 to about
-{max_disparity_px}; `confidence`, the same shape, 0 to 1: the network's own guess that it is right
-to 2 px. Layer by layer: the head of `{definition}`.
+Output: `disparity` float32 (1, 1, {height_px}, {width_px}), px at input size, {dense},
+0 to about {max_disparity_px}; `confidence`, the same shape, 0 to 1: the network's own guess that it
+is right to 2 px. Layer by layer: the head of `{definition}`.
 
 | | | from |
 |---|---|---|
@@ -107,6 +107,16 @@ def _table(bench: dict[str, Any]) -> str:
     )
 
 
+def _dense(name: str, bench: dict[str, Any]) -> str:
+    """Whether it says something of every pixel."""
+    shares = [
+        r["density_pct"]
+        for r in bench["rows"]
+        if r["matcher"] == name and r["pair"] is None and not r["filled"] and r["family"] == "all"
+    ]
+    return "dense" if min(shares, default=100.0) > 99.0 else "NaN where its own check fails"
+
+
 def _verdict(name: str, bench: dict[str, Any]) -> str:
     """Accuracy against SGBM in the paper's sense: ratio of 100 - bad-3."""
     parts = []
@@ -183,6 +193,7 @@ def card(
         validation=_validation(training),
         pairs=len({(r["family"], r["pair"]) for r in bench["rows"] if r["pair"]}),
         table=_table(bench),
+        dense=_dense(name, bench),
         verdict=_verdict(name, bench),
         more=more_tables(name, list(more)),
     )

@@ -64,11 +64,12 @@ def draw_cost(rows: list[dict[str, Any]], minstr: dict[str, float], path: Path) 
     for row in rows:
         if row["matcher"] in minstr:
             place = (minstr[row["matcher"]], row["bad2_pct"])
-            axes.annotate(row["matcher"], place, (6, 4), textcoords="offset points")
+            axes.annotate(row["matcher"], place, (0, 7), textcoords="offset points", ha="center")
     axes.set_xscale("log")
     axes.set_xlabel("executed Cortex-A53 instructions per pair, millions")
     axes.set_ylabel("wrong pixels, %")
     axes.set_ylim(bottom=0)
+    axes.margins(0.12)
     axes.legend()
     axes.grid(alpha=0.3, which="both")
     _save(figure, path)

@@ -93,7 +93,7 @@ class PerceptionConfig(Section):
     model: str = ""  # ONNX file; empty: the manifest's default
     onnx_threads: Annotated[int, Meta(ge=1, le=16)] = 1
     max_disparity_px: Annotated[int, Meta(ge=16, le=256, multiple_of=16)] = 64
-    min_confidence: Fraction = 0.5  # of the network's own confidence
+    min_confidence: Fraction = 0.8  # of the network; at 0.5 some near things look like free floor
     image_noise: NotNegative = 2.0  # grey levels of one sigma; flat walls are told by it
     # scan
     min_obstacle_m: Positive = 0.02  # lower things are driven over
