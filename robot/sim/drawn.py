@@ -34,6 +34,7 @@ HOME_SEED = 77
 FLIPPED_BITS = 12  # of a signature's 256, from look to look
 MAX_LANDMARKS = 30
 STEP_SIGMA_M, STEP_SIGMA_RAD = 0.003, 0.002
+JUMP_M = 0.3  # farther between two frames nothing can be followed
 MARKER_RANGE_M, MARKER_FACING_RAD = (0.15, 1.8), 1.0
 
 
@@ -199,6 +200,8 @@ class DrawnSight:
         if before is None:
             return None
         step = before.inverse() @ pose
+        if math.hypot(step.x_m, step.y_m) > JUMP_M:
+            return None
         dx, dy, dyaw = self._rng.normal(0.0, 1.0, 3)
         step = SE2(
             step.x_m + dx * STEP_SIGMA_M,

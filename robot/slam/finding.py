@@ -21,6 +21,7 @@ from robot.slam.relocalise import Glimpse, Relocaliser
 
 FAMILIAR_NS = 10_000_000_000  # a landmark known for so long was not born of an error just made
 _FAMILIAR_COUNT = 3
+_MANY = 6  # tracks that do not end in the same moment by chance
 _DOUBT_NS = 1_500_000_000  # without a familiar landmark for so long, the pose is checked
 _SUSPECT_NS = 1_000_000_000  # and for so long, it is not believed against other evidence
 _QUARANTINE_NS = 30_000_000_000
@@ -43,7 +44,7 @@ class SelfFinder:
         self.lost = False
         self._sure_ns: int | None = None  # when familiar landmarks last spoke for the pose
         self.placed_ns = 0  # when places last did
-        self._followed: set[int] | None = None  # tracks of the last frame
+        self._followed: set[int] = set()  # tracks of the last frame
         self._torn_ns = 0  # when they ended all at once, as they do when it is carried
 
     def moved(self, previous_from_current: SE2) -> None:
@@ -59,20 +60,19 @@ class SelfFinder:
     def suspect(self, t_ns: int) -> None:
         """What stands around is not what the map says: without familiar landmarks, be lost.
 
-        Not while what was followed at the last familiar landmark still leads to what is seen now,
-        for nobody carried the robot in between.
+        But only if, since then, all that was followed ended in one moment, as when somebody carries
+        the robot: facing a plain wall, or in wide rooms, what stands around is often misread.
         """
         if self.lost or self._sure_ns is None or self._torn_ns <= self._sure_ns:
             return
         if t_ns - self._sure_ns > _SUSPECT_NS:
-            self.lost = True
-            self._drop_new()
+            self.lose()  # what was seen before would only name the place before
 
     def found(self, t_ns: int) -> None:
         """The robot knows where it is."""
         self.lost = False
         self._sure_ns = self.placed_ns = t_ns
-        self._followed = None
+        self._followed = set()
         self._drop_new()
 
     def search(self, seen: Seen) -> SE2 | None:
@@ -106,7 +106,8 @@ class SelfFinder:
 
     def _follow(self, seen: Seen) -> None:
         tracks = {landmark.track_id for landmark in seen.landmarks if landmark.track_id >= 0}
-        if self._followed is not None and len(tracks & self._followed) < _FAMILIAR_COUNT:
+        many = len(self._followed) >= _MANY
+        if many and seen.motion is None and not tracks & self._followed:
             self._torn_ns = seen.t_ns
         self._followed = tracks
 

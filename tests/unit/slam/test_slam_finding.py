@@ -150,10 +150,12 @@ def test_one_look_does_not_outweigh_landmarks_long_known(confirmed: bool, ride: 
 def test_what_is_followed_all_the_time_leaves_no_suspicion(torn: bool, ride: Drive) -> None:
     finder = SelfFinder(CONFIG)
     finder._relocaliser = Insists(None)  # type: ignore[assignment]
-    seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 3)
+    seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
     finder.judge(seen, familiar=5, pose=SE2(), cov=SURE)
-    others = tuple(replace(m, track_id=m.track_id + 1000) for m in seen.landmarks)
-    later = replace(seen, t_ns=seen.t_ns + 2 * S, landmarks=others if torn else seen.landmarks)
+    later = replace(seen, t_ns=seen.t_ns + 2 * S)
+    if torn:
+        others = tuple(replace(m, track_id=m.track_id + 1000) for m in seen.landmarks)
+        later = replace(later, landmarks=others, motion=None)
     finder.judge(later, familiar=0, pose=SE2(), cov=SURE)
     finder.suspect(later.t_ns)
     assert finder.lost is torn
