@@ -1,9 +1,9 @@
-"""A stretch of a drive, for `arm.py`: recorded on the host, lived through on the emulated board.
+"""What the emulated board lives through, for `arm.py`; made on the host, measured on the board.
 
-On the host `render` drives 25 s in the built-in flat and keeps the events, the last frames, and
-what SGBM and the network make of one of them. On the board the brain lives through the events as
-they were logged; the last frames go through the whole chain again, between markers that count
-executed instructions.
+*Sights*: frames along a fixed way through the built-in flat, and what SGBM and the network make of
+the last one on the host. On the board each matcher's whole perception sees them: instructions that
+depend on nothing but perception. *Drive*: events and frames of 25 s of cleaning. On the board the
+brain lives through the events as they were logged, and the last frames go through perception again.
 """
 
 from __future__ import annotations
@@ -15,17 +15,64 @@ import pickle
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 SECONDS, WARM, COUNTED = 25, 8, 8
+SIGHTS, SIGHTS_WARM = 12, 6
+STEP_M, TURN_RAD = 0.02, 0.03  # between two sights
+MATCHERS = ("sgbm", "onnx")
 MARKER = 9999
 
 
-def render(target: Path) -> Path:
-    """The recording, made once. SystemExit when the simulator fails."""
+class Meter:
+    """Brackets a stretch of work for the plugin that counts instructions."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self._call = ctypes.CDLL(None).syscall
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        tag = 2 * len(self.names)
+        self.names.append(name)
+        self._call(MARKER, ctypes.c_long(tag))
+        yield
+        self._call(MARKER, ctypes.c_long(tag + 1))
+
+
+# ---------------------------------------------------------------- on the host
+
+
+def record_sights(target: Path) -> Path:
+    """Frames of a fixed way, made once."""
+    if target.exists():
+        return target
+    from robot.config import Config
+    from robot.geometry.se2 import SE2
+    from robot.sim.rig import StereoRig
+    from robot.sim.scene import load_scene
+
+    world = load_scene("flat")
+    rig = StereoRig(world, Config().camera.stereo_camera(), Config().sim, 1)
+    pose = SE2(world.start.x_m - 0.5, world.start.y_m, world.start.yaw_rad + 2.0)
+    frames = []
+    for k in range(SIGHTS):
+        frame, _ = rig.render(100_000_000 * k, k, pose)
+        frames.append(dataclasses.replace(frame, yaw_change_rad=TURN_RAD))
+        pose = pose @ SE2(STEP_M, 0.0, TURN_RAD)
+    matched = {name: _matched(name, frames[-1]) for name in MATCHERS}
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(pickle.dumps({"frames": frames, "matched": matched}))
+    return target
+
+
+def record_drive(target: Path) -> Path:
+    """A recording of the simulated robot, made once. SystemExit when the simulator fails."""
     if target.exists():
         return target
     from robot.log.reader import read_events, read_frames
@@ -38,15 +85,11 @@ def render(target: Path) -> Path:
     log = runs / "latest/log.mcap"
     if not log.exists():
         raise SystemExit(f"the simulated drive failed: {done.stderr.strip()[-300:]}")
-    frames = list(read_frames(log))[-(WARM + COUNTED) :]
-    last = frames[-1]
-    stretch = {
+    drive = {
         "events": list(read_events(log)),
-        "frames": frames,
-        "sgbm": _match("sgbm", last),
-        "onnx": _match("onnx", last),
+        "frames": list(read_frames(log))[-(WARM + COUNTED) :],
     }
-    target.write_bytes(pickle.dumps(stretch))
+    target.write_bytes(pickle.dumps(drive))
     return target
 
 
@@ -56,7 +99,7 @@ def _config(matcher: str) -> Any:
     return parse_config(f'[perception]\nmatcher = "{matcher}"\n')
 
 
-def _match(matcher: str, frame: Any) -> np.ndarray:
+def _matched(matcher: str, frame: Any) -> np.ndarray:
     from robot.body.sources import open_depth
 
     config = _config(matcher)
@@ -64,54 +107,62 @@ def _match(matcher: str, frame: Any) -> np.ndarray:
     return np.asarray(depth.match(frame.left, frame.right).disparity_px)
 
 
-def live(stretch: dict[str, Any], mark: Any, matcher: str = "sgbm") -> tuple[int, int]:
-    """Frames and ticks that were counted."""
+# ---------------------------------------------------------------- on the board
+
+
+def look(sights: dict[str, Any], meter: Meter) -> dict[str, float]:
+    """Perception with each matcher; how far the matchers are from what the host saw."""
+    from robot.body.sources import open_perception
+
+    for name in MATCHERS:
+        perception = open_perception(_config(name))
+        for k, frame in enumerate(sights["frames"]):
+            with meter(f"sight_{name}" if k >= SIGHTS_WARM else "warm"):
+                perception.see(frame, frame.t_ns)
+    last, theirs = sights["frames"][-1], sights["matched"]
+    sgbm, network = (_matched(name, last) for name in MATCHERS)
+    same = np.isclose(sgbm, theirs["sgbm"], atol=1e-4, equal_nan=True)
+    both = np.isfinite(network) & np.isfinite(theirs["onnx"])
+    away = np.abs(network - theirs["onnx"])[both]
+    return {"sgbm_differs": int((~same).sum()), "network_px": round(float(away.mean()), 5)}
+
+
+def live(drive: dict[str, Any], meter: Meter, matcher: str = "sgbm") -> int:
+    """Brain and perception through the drive; the number of ticks that were counted."""
     from robot.body.sources import open_perception
     from robot.brain import Brain
     from robot.messages import Seen, Tick
 
     config = _config(matcher)
     brain, perception = Brain(config), open_perception(config)
-    frames = {frame.t_ns: frame for frame in stretch["frames"]}
-    seen = frames_counted = ticks = 0
-    counting = False
-    for event in stretch["events"]:
+    frames = {frame.t_ns: frame for frame in drive["frames"]}
+    seen = ticks = 0
+    for event in drive["events"]:
         frame = frames.get(event.t_ns) if isinstance(event, Seen) else None
         if frame is not None:
             seen += 1
-            counting = seen > WARM
-            if counting:
-                mark(MARKER, ctypes.c_long(2 * frames_counted))
-            found = perception.see(frame, event.arrived_ns)
-            brain.on(dataclasses.replace(found, arrived_ns=event.arrived_ns))
-            if counting:
-                mark(MARKER, ctypes.c_long(2 * frames_counted + 1))
-                frames_counted += 1
-            continue
-        if counting and not isinstance(event, Seen):
-            mark(MARKER, ctypes.c_long(100_000 + 2 * ticks))
-        brain.on(event)
-        if counting and not isinstance(event, Seen):
-            mark(MARKER, ctypes.c_long(100_001 + 2 * ticks))
-            ticks += 1
-    beats = sum(isinstance(e, Tick) for e in stretch["events"][-ticks:]) if ticks else 1
-    return frames_counted, max(1, beats)
+            with meter("frame" if seen > WARM else "warm"):
+                found = perception.see(frame, event.arrived_ns)
+                brain.on(dataclasses.replace(found, arrived_ns=event.arrived_ns))
+        elif seen > WARM and not isinstance(event, Seen):
+            ticks += isinstance(event, Tick)
+            with meter("tick"):
+                brain.on(event)
+        else:
+            brain.on(event)
+    return ticks
 
 
 def main() -> None:
-    """On the board: print what was counted and compared as JSON."""
-    stretch = pickle.loads(Path(sys.argv[1]).read_bytes())
-    last = stretch["frames"][-1]
-    sgbm, network = _match("sgbm", last), _match("onnx", last)
-    same = np.isclose(sgbm, stretch["sgbm"], atol=1e-4, equal_nan=True)
-    both = np.isfinite(network) & np.isfinite(stretch["onnx"])
-    start_s = time.process_time()
-    frames, ticks = live(stretch, ctypes.CDLL(None).syscall)
+    """`sights FILE` or `drive FILE`: print what was compared, and what the marks stand for."""
+    what, recorded = sys.argv[1], pickle.loads(Path(sys.argv[2]).read_bytes())
+    meter, start_s = Meter(), time.process_time()
+    compared = look(recorded, meter) if what == "sights" else {}
+    ticks = live(recorded, meter) if what == "drive" else 0
     print(json.dumps({
-        "frames": frames,
+        "names": meter.names,
         "ticks": ticks,
-        "sgbm_differs": int((~same).sum()),
-        "network_px": round(float(np.abs(network - stretch["onnx"])[both].mean()), 5),
+        "compared": compared,
         "emulated_s": round(time.process_time() - start_s, 1),
     }))  # fmt: skip
 

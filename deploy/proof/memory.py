@@ -33,9 +33,9 @@ def runtime() -> None:
     """Live through the stretch and print the peak."""
     import pickle
 
-    from arm_guest import live
+    from arm_guest import Meter, live
 
-    live(pickle.loads(Path(sys.argv[2]).read_bytes()), lambda *words: 0, "onnx")
+    live(pickle.loads(Path(sys.argv[2]).read_bytes()), Meter(), "onnx")
     print(peak_mb())
 
 
@@ -68,11 +68,11 @@ def main() -> None:
         return
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--work", type=Path, default=Path("build/proof"))
-    from arm_guest import render
+    from arm_guest import record_drive
 
-    frames = render(parser.parse_args().work.resolve() / "arm-frames.npz")
+    drive = record_drive(parser.parse_args().work.resolve() / "arm-drive.pickle")
     said = subprocess.run(
-        [sys.executable, __file__, "--inside", str(frames)],
+        [sys.executable, __file__, "--inside", str(drive)],
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
     found = {"runtime_mb": round(float(said), 1), "serve_mb": round(serve(), 1)}

@@ -12,6 +12,7 @@ from robot.home import Home
 from robot.messages import Command, Event, MissionState
 
 EVERY_NS = 300_000_000_000
+RESTING_EVERY_NS = 12 * EVERY_NS  # the map stands still then, and the card wears
 SETTLED = RESTING | {"charge"}
 
 
@@ -28,7 +29,9 @@ class HomeKeeper:
         self._log, self._brain, self._store = log, brain, store
         self._writer = ThreadPoolExecutor(1, "home")
         self._writing: Future[None] | None = None
-        self._saved_ns: int | None = None
+        self._looked_ns: int | None = None
+        self._saved_ns = 0
+        self._by_people: object = None  # what they had drawn and set when it was saved
         self._state = "none"
 
     def event(self, event: Event) -> None:
@@ -36,18 +39,27 @@ class HomeKeeper:
         self._log.event(event)
 
     def command(self, command: Command) -> None:
-        """Hand on; a change to rest, or much time, is worth a copy of the home."""
+        """Hand on; a change to rest, or much time, is worth a copy of the home.
+
+        A robot that goes on resting is asked as often, but only what people changed is kept.
+        """
         self._log.command(command)
         if not isinstance(command, MissionState):
             return
         before, self._state = self._state, command.state
         rests = before not in SETTLED and command.state in SETTLED
-        if self._saved_ns is None:
-            self._saved_ns = command.t_ns
+        if self._looked_ns is None:
+            self._looked_ns = self._saved_ns = command.t_ns
         busy = self._writing is not None and not self._writing.done()
-        if not busy and (rests or command.t_ns - self._saved_ns >= EVERY_NS):
-            self._saved_ns = command.t_ns
-            self._writing = self._writer.submit(self._store.save, self._brain.home())
+        if not busy and (rests or command.t_ns - self._looked_ns >= EVERY_NS):
+            self._looked_ns = command.t_ns
+            home = self._brain.home()
+            by_people = (home.notes, home.settings)
+            moves = rests or command.state not in SETTLED
+            late = command.t_ns - self._saved_ns >= RESTING_EVERY_NS
+            if moves or late or by_people != self._by_people:
+                self._saved_ns, self._by_people = command.t_ns, by_people
+                self._writing = self._writer.submit(self._store.save, home)
 
     def flush(self) -> None:
         """Hand on."""
