@@ -50,6 +50,8 @@ class HomeKeeper:
         rests = before not in SETTLED and command.state in SETTLED
         if self._looked_ns is None:
             self._looked_ns = self._saved_ns = command.t_ns
+            home = self._brain.home()
+            self._by_people = (home.notes, home.settings)
         busy = self._writing is not None and not self._writing.done()
         if not busy and (rests or command.t_ns - self._looked_ns >= EVERY_NS):
             self._looked_ns = command.t_ns
