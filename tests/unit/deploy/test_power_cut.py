@@ -25,7 +25,7 @@ def hurry(monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 
-@pytest.mark.parametrize("stride", [6, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("stride", [14, pytest.param(1, marks=pytest.mark.long)])
 def test_an_update_leaves_the_old_release_or_the_new_one_and_a_way_back(tmp_path, stride):
     root, before, scratch = tmp_path / "card", tmp_path / "before", tmp_path / "scratch"
     root.mkdir()
