@@ -20,7 +20,7 @@ import numpy as np
 from models.data import textures
 from models.data.photometry import photograph
 from models.data.rooms import ROBOT_BASELINE_M, ROBOT_FOCAL_PX, RoomRenderer
-from robot.bench.matchers import Matcher, make_matcher
+from robot.bench.stereo.matchers import Matcher, make_matcher
 from robot.evaluate.stereo import fill_background
 
 NEAR_M, FAR_M = 0.5, 3.0

@@ -49,7 +49,7 @@ from robot.mission.room_book import RoomBook
 from robot.mission.settings import Settings
 from robot.mission.slip import SlipWatch
 from robot.mission.state import Situation
-from robot.mission.wheel_only import tells_something
+from robot.mission.states.wheel_only import tells_something
 from robot.slam.slam import Slam
 
 MAP_REPORT_NS = 2_000_000_000

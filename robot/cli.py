@@ -90,11 +90,11 @@ def parser() -> argparse.ArgumentParser:
     recover.add_argument("log", type=Path, metavar="LOG", help="a truncated or damaged log.mcap")
     recover.add_argument("out", type=Path, metavar="OUT", help="the new log")
 
-    from robot.body.log_verbs import add_log_verbs
+    from robot.body.records.log_verbs import add_log_verbs
 
     add_log_verbs(logs, _verb, _write_json)
 
-    from robot.body.calibrate_verbs import add_verbs as add_calibrate_verbs
+    from robot.body.calibration.verbs import add_verbs as add_calibrate_verbs
 
     calibrate = verbs.add_parser(
         "calibrate", help="cameras, gyro, wheels: stereo, imu, wheels, camera-pose, sync, ..."
@@ -114,7 +114,7 @@ def parser() -> argparse.ArgumentParser:
         "--beside", action="store_true", help="beside a running robot: leave its devices alone"
     )
 
-    from robot.body.asking import add_ask_options
+    from robot.body.talk.asking import add_ask_options
 
     ask = _verb(verbs, "ask", "ask a running robot: start, dock, clean rooms, go to, ...", _ask)
     add_ask_options(ask)
@@ -223,7 +223,7 @@ def _log_recover(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from robot.body.check import check, check_running
+    from robot.body.checks.check import check, check_running
     from robot.config import load_config
     from robot.progress import print_table
 
@@ -232,8 +232,8 @@ def _check(arguments: argparse.Namespace) -> int:
     if arguments.json != "-":
         print_table("check", findings)
     if arguments.bundle is not None:
-        from robot.body.bundle import write_bundle
-        from robot.body.check_machine import Machine
+        from robot.body.checks.bundle import write_bundle
+        from robot.body.checks.machine import Machine
 
         write_bundle(arguments.bundle, config, findings, Machine())
     _write_json(arguments.json, {"checks": findings})
@@ -241,7 +241,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _ask(arguments: argparse.Namespace) -> int:
-    from robot.body.asking import ask_for, sentences
+    from robot.body.talk.asking import ask_for, sentences
 
     answer = ask_for(arguments)
     if arguments.json != "-":

@@ -6,7 +6,7 @@ import sys
 from types import TracebackType
 from typing import Any
 
-from robot.body.observe import Snapshot
+from robot.body.records.observe import Snapshot
 
 PIPED_WIDTH = 160  # columns where no terminal says how many it has
 LONGEST_NAME = 24

@@ -44,6 +44,7 @@ HEAVY_AT_TOP = {
     "models": {"torch", "onnxruntime"},
 }
 MAX_LINES = 400
+MAX_FILES = 24
 TOP_LEVEL = {"robot", "firmware_bridge", "models", "deploy", "systemd", "tests"}
 
 
@@ -91,9 +92,9 @@ def test_a_room_imports_only_what_it_may(path):
 
 def test_serve_knows_nothing_of_the_robot_but_its_socket():
     for path in python_files("robot/serve"):
-        used = {n for n in imports(path) if n.startswith("robot.body.")}
-        assert all(n.startswith("robot.body.stream") for n in used), path
-    code = "import sys, robot.serve.app, robot.serve.mqtt; print('numpy' in sys.modules)"
+        used = {n for n in imports(path) if n.startswith("robot.body.")} - {"robot.body.talk"}
+        assert all(n.startswith("robot.body.talk.stream") for n in used), path
+    code = "import sys, robot.serve.app, robot.serve.broker.mqtt; print('numpy' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "False"
 
@@ -148,6 +149,13 @@ def test_files_stay_small():
         if (n := len(p.read_text(encoding="utf-8").splitlines())) > MAX_LINES
     }
     assert not long
+
+
+def test_rooms_stay_small():
+    shelf = ROOT / "robot/serve/capabilities"  # one alike beside the other
+    folders = [p for p in (ROOT / "robot").rglob("*") if p.is_dir() and p != shelf]
+    full = {p.name: n for p in folders if (n := len(list(p.glob("*.py")))) > MAX_FILES}
+    assert not full, "too many files in one room: draw a wall"
 
 
 def test_the_top_level_is_the_agreed_one():

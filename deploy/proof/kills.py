@@ -21,9 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.body.calibrate import save
-from robot.body.ring import LogRing
-from robot.body.store import HomeStore, write_whole
+from robot.body.calibration.cameras import save
+from robot.body.kept.store import HomeStore, write_whole
+from robot.body.records.ring import LogRing
 from robot.brain import Brain
 from robot.calibrate.apply import set_keys
 from robot.config import Config, dump_config, load_config

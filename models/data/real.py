@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from models.data.shards import encode_disparity, write_shard
-from robot.bench.pairs import HEIGHT_PX, WIDTH_PX, TruePair, as_it_is, each_pair, read_pfm
+from robot.bench.stereo.pairs import HEIGHT_PX, WIDTH_PX, TruePair, as_it_is, each_pair, read_pfm
 
 PAPER_WIDTH, PAPER_HEIGHT = 512, 256
 View = tuple[np.ndarray, np.ndarray, np.ndarray]

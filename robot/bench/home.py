@@ -16,7 +16,7 @@ from statistics import mean
 from typing import Any
 
 from robot.body.cleaning import RunOptions, run_cleaning
-from robot.body.observe import Snapshot
+from robot.body.records.observe import Snapshot
 from robot.config import Config
 from robot.errors import MissingExtraError, SweeperError
 from robot.evaluate.progress_picture import draw_progress

@@ -137,7 +137,7 @@ def _coverage(arguments: argparse.Namespace) -> Result:
 
 
 def _stereo(arguments: argparse.Namespace) -> Result:
-    from robot.bench.stereo import StereoOrder, run_order, tables
+    from robot.bench.stereo.bench import StereoOrder, run_order, tables
 
     matchers = [m for m in arguments.matchers.split(",") if m]
     ways = [way for way in ("native", "stress", "confidence") if getattr(arguments, way)]
@@ -150,7 +150,7 @@ def _stereo(arguments: argparse.Namespace) -> Result:
 
 
 def _slam(arguments: argparse.Namespace) -> Result:
-    from robot.bench.slam import bench_slam
+    from robot.bench.slam.bench import bench_slam
 
     result = bench_slam(
         arguments.path,

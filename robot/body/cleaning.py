@@ -16,13 +16,14 @@ from typing import Any
 import cv2
 
 from robot.body.eyes import DrawnEyes, Eyes, RenderedEyes
-from robot.body.keeper import HomeKeeper
+from robot.body.kept.keeper import HomeKeeper
+from robot.body.kept.store import HomeStore
 from robot.body.knocked import WatchedPerception
 from robot.body.live import LiveBody
 from robot.body.notify import Notifier
-from robot.body.observe import Observer, Snapshot
-from robot.body.onlookers import Onlookers
-from robot.body.ring import LogFile, open_log, rescued
+from robot.body.records.observe import Observer, Snapshot
+from robot.body.records.ring import LogFile, open_log, rescued
+from robot.body.records.summary import Judge, summarise, write_run_folder
 from robot.body.simulated import SimulatedBody
 from robot.body.sources import (
     open_calibration,
@@ -32,8 +33,7 @@ from robot.body.sources import (
     open_stereo,
     read_calibration,
 )
-from robot.body.store import HomeStore
-from robot.body.summary import Judge, summarise, write_run_folder
+from robot.body.talk.onlookers import Onlookers
 from robot.brain import Brain
 from robot.config import Config, dump_config
 from robot.errors import SweeperError

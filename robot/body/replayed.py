@@ -192,7 +192,7 @@ def replay(
 
 
 def _brain(header: LogHeader, name: str) -> Brain:
-    from robot.body.home_file import decode_home
+    from robot.body.kept.home_file import decode_home
     from robot.brain import Brain
 
     home = decode_home(header.home, f"the map in {name}") if header.home else None

@@ -10,17 +10,17 @@ from robot.errors import MapError, RequestError
 from robot.geometry.se2 import SE2
 from robot.mapping.annotations import Annotations, Area
 from robot.messages import Answer, Beep, Request, StopOrder
-from robot.mission.charge import Charge
-from robot.mission.dock import Dock
 from robot.mission.editing import NEEDS_ROOMS, Args, Reply, drawn_area, edit
-from robot.mission.goto import GoTo
 from robot.mission.job import Job, room_job, spot_job, zone_job
-from robot.mission.manual import Manual
-from robot.mission.rest import Done, Error, Idle, Paused
 from robot.mission.room_book import RoomBook
 from robot.mission.settings import FAN_SHARES
 from robot.mission.state import Situation, seconds
-from robot.mission.travel import Return
+from robot.mission.states.charge import Charge
+from robot.mission.states.dock import Dock
+from robot.mission.states.goto import GoTo
+from robot.mission.states.manual import Manual
+from robot.mission.states.rest import Done, Error, Idle, Paused
+from robot.mission.states.travel import Return
 from robot.mission.verbs import is_number, numbers, understand
 
 if TYPE_CHECKING:

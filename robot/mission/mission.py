@@ -7,20 +7,20 @@ import math
 from robot.control.wish import Wish
 from robot.messages import MissionState, Request
 from robot.mission.asks import Asks
-from robot.mission.charge import Charge
-from robot.mission.clean import WORK
-from robot.mission.dock import Dock
 from robot.mission.job import Job
 from robot.mission.ladder import Kind
-from robot.mission.lifted import Lifted, Lost
-from robot.mission.look import Look
-from robot.mission.recover import Recover
-from robot.mission.rest import Done, Error, Idle, Starting
 from robot.mission.room_book import RoomBook
 from robot.mission.state import Name, RunRecord, Situation, State, seconds
-from robot.mission.travel import Return
-from robot.mission.undock import Undock
-from robot.mission.wheel_only import WheelOnly
+from robot.mission.states.charge import Charge
+from robot.mission.states.clean import WORK
+from robot.mission.states.dock import Dock
+from robot.mission.states.lifted import Lifted, Lost
+from robot.mission.states.look import Look
+from robot.mission.states.recover import Recover
+from robot.mission.states.rest import Done, Error, Idle, Starting
+from robot.mission.states.travel import Return
+from robot.mission.states.undock import Undock
+from robot.mission.states.wheel_only import WheelOnly
 
 REPORT_NS = 1_000_000_000
 STATES: dict[Name, type[State]] = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 from robot.control.wish import halt
 from robot.geometry.se2 import SE2
 from robot.mission.drive import Drive
-from robot.mission.recover import Recover
-from robot.mission.rest import give_up
 from robot.mission.state import Situation, State, Step
+from robot.mission.states.recover import Recover
+from robot.mission.states.rest import give_up
 
 MAX_UNANSWERED = 3
 GRIDLOCK_M = 0.15  # blocked again before so much was driven: planning alone does not help

@@ -16,9 +16,9 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from robot.serve.capability import PREFIX, Capability, Operation, Robot, capabilities
-from robot.serve.gate import Gate, Rules
+from robot.serve.guard.gate import Gate, Rules
+from robot.serve.guard.login import login_page
 from robot.serve.live import Live
-from robot.serve.login import login_page
 from robot.serve.openapi import describe, docs_page
 from robot.serve.runtime import Unreachable
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from robot.body import stream
+from robot.body.talk import stream
 from robot.serve.capability import Robot
 from robot.serve.driver import MAX_LAG, Driver, read_wish
 from robot.serve.world import Mailbox

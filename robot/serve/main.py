@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigError, MissingExtraError
-from robot.serve.keys import Keyring
+from robot.serve.guard.keys import Keyring
 
 KEYS_FILE, OFF_FILE = "serve-keys.json", "remote-off"
 
@@ -83,7 +83,7 @@ def serve(options: ServeOptions, ready: Any = None) -> None:
     address = f"{scheme}://{shown}:{options.port}/?token={keys.new_link()}"
     if ready is not None:
         ready(address)
-    from robot.serve.limits import PatientProtocol
+    from robot.serve.guard.limits import PatientProtocol
 
     uvicorn.run(
         app,
@@ -133,7 +133,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
     """The application with all its parts."""
     from robot.serve.app import make_app, shown
     from robot.serve.capability import Robot
-    from robot.serve.gate import LOOPBACK, Rules
+    from robot.serve.guard.gate import LOOPBACK, Rules
     from robot.serve.ledger import Ledger
     from robot.serve.runs import Ring, Runs
     from robot.serve.runtime import Runtime
@@ -170,7 +170,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
     )
     services = [runtime.watch, Ledger(runtime).run]
     if options.mqtt_host:
-        from robot.serve.mqtt import MqttBridge
+        from robot.serve.broker.mqtt import MqttBridge
 
         bridge = MqttBridge(
             robot,
@@ -187,7 +187,7 @@ def build(options: ServeOptions, keys: Keyring) -> Any:
 
 def broker(options: ServeOptions) -> Any:
     """The MQTT settings, with the password read from its file. Raises ConfigError."""
-    from robot.serve.mqtt import Broker
+    from robot.serve.broker.mqtt import Broker
 
     password = ""
     if options.mqtt_password_file is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 import zlib
 
-from robot.body.stream import OCCUPIED, TILE, Place
+from robot.body.talk.stream import OCCUPIED, TILE, Place
 
 PALETTE = bytes.fromhex("f3f4f6ffffffbfdbc93741511d4ed8")
 TRACK = OCCUPIED + 1

@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from robot.body.stream import EYES, StreamError, Unframer
+from robot.body.talk.stream import EYES, StreamError, Unframer
 from robot.serve.world import World
 
 ANSWER_S = 5.0

@@ -12,8 +12,8 @@ import zlib
 from dataclasses import dataclass, field
 from typing import Any
 
-from robot.body import stream
-from robot.body.stream import Place
+from robot.body.talk import stream
+from robot.body.talk.stream import Place
 
 MAX_TILES = 20_000  # 3 km^2 at 2.5 cm would be a mistake
 MAX_TRACK = 100_000

@@ -3,7 +3,7 @@
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from robot.body.stream import EYES
+from robot.body.talk.stream import EYES
 from robot.serve.capability import Capability, Operation, Parameter, Robot
 
 

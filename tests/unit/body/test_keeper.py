@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from robot.body.keeper import EVERY_NS, RESTING_EVERY_NS, HomeKeeper
+from robot.body.kept.keeper import EVERY_NS, RESTING_EVERY_NS, HomeKeeper
 from robot.brain import Brain
 from robot.config import Config
 from robot.messages import MissionState

@@ -16,7 +16,7 @@ from board_pictures import (
     views,
 )
 
-from robot.body.calibrate_views import Chooser
+from robot.body.calibration.views import Chooser
 from robot.calibrate.board import Found, parse_board
 from robot.calibrate.coverage import Coverage
 from robot.calibrate.stereo import View, calibrate_stereo

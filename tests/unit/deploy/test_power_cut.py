@@ -10,8 +10,8 @@ from manage import update
 from power import aftermaths, record
 from slots import Slots
 
-from robot.body import store
-from robot.body.calibrate import save
+from robot.body.calibration.cameras import save
+from robot.body.kept import store
 from robot.calibrate.apply import set_keys
 from robot.config import load_config
 from robot.errors import MapError

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from robot.body.log_files import export_log, log_info
+from robot.body.records.log_files import export_log, log_info
 from robot.cli import main
 from robot.config import Config, dump_config
 from robot.errors import LogError

@@ -6,7 +6,7 @@ import pytest
 
 from models.data import real
 from models.data.batches import Shards, batch
-from robot.bench.pairs import as_it_is
+from robot.bench.stereo.pairs import as_it_is
 
 
 def write_pfm(path, values):

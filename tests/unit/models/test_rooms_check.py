@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("numba")
 from models import rooms_check
-from robot.bench.matchers import Matcher
+from robot.bench.stereo.matchers import Matcher
 
 
 def test_rooms_look_as_from_the_robot_and_are_reproducible():

@@ -27,8 +27,8 @@ from serving import Served, free_port, wait_for
 from standin import NS, StandIn
 from websockets.sync.client import connect
 
-from robot.body.control import ask
-from robot.serve.keys import Keyring
+from robot.body.talk.control import ask
+from robot.serve.guard.keys import Keyring
 
 TURNS, TURN_S, SETTLE_S = int(os.environ.get("SWEEPER_TURNS", "60")), 1.5, 0.3
 KINDS = ("tick_wall_ms", "tick_late_ms", "tick_cpu_ms")

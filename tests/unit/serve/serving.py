@@ -9,8 +9,8 @@ from contextlib import contextmanager
 
 import uvicorn
 
-from robot.serve.keys import Keyring
-from robot.serve.limits import PatientProtocol
+from robot.serve.guard.keys import Keyring
+from robot.serve.guard.limits import PatientProtocol
 from robot.serve.main import ServeOptions, build
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from standin_books import StandInBooks
 
-from robot.body.control import ControlSocket
-from robot.body.outlook import Outlook
-from robot.body.publisher import Publisher
+from robot.body.talk.control import ControlSocket
+from robot.body.talk.outlook import Outlook
+from robot.body.talk.publisher import Publisher
 from robot.geometry.se2 import SE2
 from robot.messages import (
     Battery,

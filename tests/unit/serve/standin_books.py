@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from robot.body.books import Books
-from robot.body.calibrating import CalibrationDesk
+from robot.body.calibration.wizard import CalibrationDesk
+from robot.body.kept.books import Books
 from robot.errors import RequestError
 from robot.geometry.se2 import SE2
 from robot.mapping.annotations import Annotations

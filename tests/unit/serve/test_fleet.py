@@ -15,7 +15,7 @@ from browsing import CHROMIUM, browser, open_page, until
 from serving import served, wait_for
 from standin import StandIn
 
-from robot.body.shown import cut_tiles
+from robot.body.talk.shown import cut_tiles
 from robot.serve.picture import map_png
 
 __all__ = ["browser"]
@@ -24,7 +24,7 @@ SECONDS = float(os.environ.get("SWEEPER_FLEET_S", "3"))
 
 
 class Publishers(threading.Thread):
-    """One thread, many MQTT clients: states and maps, as `robot.serve.mqtt` sends them."""
+    """One thread, many MQTT clients: states and maps, as `robot.serve.broker.mqtt` sends them."""
 
     def __init__(self, port, picture):
         from paho.mqtt import client as paho

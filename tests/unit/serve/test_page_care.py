@@ -1,16 +1,10 @@
 """The page's fan, calibration wizard and releases, in a real browser at two sizes."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from board_pictures import SIZE, views
 from browsing import CHROMIUM, SIZES, browser, open_page, until
 from serving import wait_for
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "calibrate"))
-
-from board_pictures import SIZE, views
 
 from robot.calibrate.board import parse_board
 from robot.calibrate.coverage import Coverage

@@ -1,0 +1,1 @@
+"""`sweeper bench slam`: the EKF-SLAM on recordings, its cost and its growth."""

@@ -1,0 +1,1 @@
+"""`sweeper bench stereo`: matchers on pairs with true disparity."""

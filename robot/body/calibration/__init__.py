@@ -1,0 +1,1 @@
+"""`sweeper calibrate`, and the wizard that the running robot offers."""

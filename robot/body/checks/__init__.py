@@ -1,0 +1,1 @@
+"""`sweeper check`: is this machine ready to drive?"""

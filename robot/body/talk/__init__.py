@@ -1,0 +1,1 @@
+"""Between a running robot and the people who ask, watch and steer it, over one socket."""

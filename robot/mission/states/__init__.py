@@ -1,0 +1,1 @@
+"""What the robot can be about, one state a file."""

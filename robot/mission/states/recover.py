@@ -1,0 +1,231 @@
+"""Getting out of trouble: back off, remember what was touched, turn, go on. Bounded (`ladder`)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robot.control.follow import turn_rate_radps
+from robot.control.wish import Wish, halt
+from robot.geometry.se2 import wrap_angle
+from robot.mission.drive import matter_near
+from robot.mission.ladder import (
+    RETRACE_FROM,
+    RUNGS,
+    SAYS,
+    WIGGLE_FROM,
+    Kind,
+    Phase,
+    back_off_m,
+    exhausted,
+)
+from robot.mission.retrace import Retrace
+from robot.mission.state import Latch, Situation, State, Step, seconds
+from robot.mission.states.rest import give_up
+
+BACK_MPS = 0.08
+TURN_DONE_RAD = 0.1
+PIVOT_RADPS, PIVOT_FREE_S = 0.8, 0.2
+WIGGLE_RADPS, WIGGLE_MPS, WIGGLE_EVERY_S = 1.0, 0.06, 0.6
+RETRACE_M = 0.4
+RETRACE_ENCLOSED_M = 1.5
+GRAZE_BACK_M, GRAZE_TURN_RAD = 0.03, 0.25  # a wall brushed with one side needs no more
+SIDES_RAD = {"left": (0.0, 1.5), "right": (-1.5, 0.0), "front": (-0.5, 0.5)}
+TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was touched
+TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
+TOUCH_HALF_M = 0.025  # half the width of what is marked at least
+STRIP_M = 0.3  # of a wall, to either side: who drives along it would touch it again and again
+
+
+class Recover(State):
+    """One try to get free; `resume` goes on afterwards with a new plan.
+
+    Every try since the robot last drove freely backs off farther and turns more.
+    """
+
+    name = "recover"
+    guarded = False
+
+    def __init__(self, kind: Kind, resume: State) -> None:
+        self._kind = kind
+        self._resume = resume
+        self._latch = Latch()
+
+    def enter(self, now: Situation) -> None:
+        now.desk.drop()
+        run = now.run
+        if now.driven_m - run.trouble_at_m > now.config.recover_reset_m:
+            run.troubles = 0
+        if run.troubles == 0:
+            run.trouble_since_ns, run.trouble_back_m, run.closed_in = now.t_ns, 0.0, False
+        run.closed_in |= self._kind == "enclosed"
+        run.troubles += 1
+        self._try = run.troubles
+        self._stop = now.link.stop_reason
+        self._next(now, "wait" if self._kind == "blocked" and self._try == 1 else "clear")
+        self._pivoted, self._touched_ns = False, now.t_ns
+        self._pivot_way = 1.0 if self._try % 2 else -1.0
+        self._turn_to_rad = now.odom.yaw_rad + self._turn_rad(now)
+        self._back_m = back_off_m(now, self._kind, self._try)
+        if self._grazes(now):
+            self._back_m = GRAZE_BACK_M
+        run.trail.cut(GRAZE_BACK_M)
+        self._mark(now)
+        self._hopeless = exhausted(now, self._kind, self._try, self._stop)
+
+    def tick(self, now: Situation) -> Step:
+        if self._hopeless:
+            return give_up(self._hopeless)
+        if self._phase == "wait":
+            return self._wait(now)
+        if self._phase == "clear":
+            if self._latch.clear(now, f"the robot {SAYS[self._kind]} and backs off"):
+                self._next(now, "back")
+            elif self._spent(now):
+                return give_up(f"the motor controller keeps its stop: {now.link.stop_reason}")
+            return Step(halt("waiting for the motor controller"))
+        if now.latched:
+            self._stop = now.link.stop_reason
+        if not self._latch.clear(now, "the stop came again while backing off"):
+            if seconds(self._since_ns, now.t_ns) > 2.0 * RUNGS["clear"].limit_s:
+                return give_up(f"the motor controller keeps its stop: {now.link.stop_reason}")
+            return Step(halt("waiting for the motor controller"))
+        return {
+            "back": self._back,
+            "pivot": self._pivot,
+            "turn": self._turn,
+            "wiggle": self._wiggle,
+        }[self._phase](now)
+
+    def _wait(self, now: Situation) -> Step:
+        """Whoever stands in the way may go by itself."""
+        if self._spent(now):
+            self._next(now, "clear")
+        return Step(halt("waiting whether the way becomes free"))
+
+    def _back(self, now: Situation) -> Step:
+        if now.driven_m - self._from_m >= self._back_m or self._spent(now):
+            now.run.trouble_back_m += now.driven_m - self._from_m
+            self._next(now, "pivot" if now.touching else "turn")
+        return Step(Wish(-BACK_MPS, 0.0, reason="backing off"))
+
+    def _pivot(self, now: Situation) -> Step:
+        """Still touching although it backed: something is behind, too. One wheel backs round."""
+        if now.touching:
+            self._touched_ns = now.t_ns
+        if seconds(self._touched_ns, now.t_ns) > PIVOT_FREE_S or self._spent(now):
+            self._turn_to_rad = now.odom.yaw_rad
+            self._next(now, "turn")
+        if now.contact.bump_left != now.contact.bump_right:
+            self._pivot_way = -1.0 if now.contact.bump_left else 1.0
+        v_mps = -1.1 * PIVOT_RADPS * now.robot.track_width_m / 2.0
+        return Step(Wish(v_mps, self._pivot_way * PIVOT_RADPS, reason="turning out of a corner"))
+
+    def _turn(self, now: Situation) -> Step:
+        error = wrap_angle(self._turn_to_rad - now.odom.yaw_rad)
+        if now.touching and not self._pivoted:
+            self._pivoted = True
+            self._touched_ns = now.t_ns
+            self._next(now, "pivot")
+            return Step(halt("touching again"))
+        stands = abs(error) < TURN_DONE_RAD or self._spent(now)
+        if stands or now.touching or now.contact.cliff:
+            held = self._kind in ("stuck", "stop", "slip") and self._try >= WIGGLE_FROM
+            if held and not now.touching and not now.contact.cliff:
+                self._next(now, "wiggle")
+                return Step(halt("held by something"))
+            return self._over(now)
+        return Step(Wish(0.0, turn_rate_radps(error, now.robot), reason="turning away"))
+
+    def _wiggle(self, now: Situation) -> Step:
+        """Short arcs to and fro: off a cable, out of a carpet's edge."""
+        if self._spent(now) or now.touching or now.contact.cliff:
+            return self._over(now)
+        swing = int(seconds(self._since_ns, now.t_ns) / WIGGLE_EVERY_S)
+        way = 1.0 if swing % 2 else -1.0
+        v_mps = WIGGLE_MPS if swing % 4 == 3 else -WIGGLE_MPS
+        return Step(Wish(v_mps, way * WIGGLE_RADPS, reason="wiggling"))
+
+    def _over(self, now: Situation) -> Step:
+        """This try is done: a new plan, or the own way back before it."""
+        now.run.trouble_at_m = now.driven_m
+        if self._kind == "enclosed" or self._try >= RETRACE_FROM:
+            distance_m = RETRACE_M * (self._try - RETRACE_FROM + 1)
+            if self._kind == "enclosed":
+                distance_m = RETRACE_ENCLOSED_M
+            back = Retrace(distance_m, self._resume)
+            return Step(then=back, reason="backing off is not enough, going back its own way")
+        return Step(then=self._resume, reason="free again, making a new plan")
+
+    def _next(self, now: Situation, phase: Phase) -> None:
+        self._phase: Phase = phase
+        self._since_ns, self._from_m = now.t_ns, now.driven_m
+
+    def _spent(self, now: Situation) -> bool:
+        """Whether this rung has had its time or its way."""
+        rung = RUNGS[self._phase]
+        if seconds(self._since_ns, now.t_ns) > rung.limit_s:
+            return True
+        return now.driven_m - self._from_m > rung.limit_m > 0.0
+
+    def _turn_rad(self, now: Situation) -> float:
+        """Away from what was touched; farther at each try, in alternate directions."""
+        if self._try == 1 and self._kind in ("blocked", "stop", "slip"):
+            return 0.0
+        angle = min(0.5 * self._try, 0.9 * math.pi)
+        if self._grazes(now):
+            angle = GRAZE_TURN_RAD
+        if now.contact.bump_left != now.contact.bump_right:
+            return -angle if now.contact.bump_left else angle
+        return angle if self._try % 2 else -angle
+
+    def _grazes(self, now: Situation) -> bool:
+        """Whether this is the first touch here, and with one side only."""
+        one_side = now.contact.bump_left != now.contact.bump_right
+        return self._kind == "bump" and self._try == 1 and one_side
+
+    def _mark(self, now: Situation) -> None:
+        """Write into the map what was met, so that the next plan avoids it."""
+        contact = now.contact
+        held = self._kind in ("stop", "slip") and self._try >= 2
+        if self._kind in ("bump", "stuck") or held:
+            side = "front" if contact.bump_left == contact.bump_right else "left"
+            side = "right" if side == "left" and contact.bump_right else side
+            now.grid.mark_obstacle(_touched(now, *SIDES_RAD[side]))
+        elif self._kind == "cliff":
+            now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
+        elif self._kind == "blocked":
+            points = now.gate.sight.nearest_ahead_m(now.odom, now.robot.radius_m / 2.0, 1)
+            world_from_odom = now.pose @ now.odom.inverse()
+            now.grid.mark_obstacle(world_from_odom.apply(points))
+
+
+def _touched(now: Situation, low_rad: float, high_rad: float) -> np.ndarray:
+    """Points (n, 2) of `world` where the bumper met something between two bearings.
+
+    If the map knows matter close to the rim there, that is what was touched, and as much of it as
+    lies along the touched tangent within `STRIP_M` is moved there: the map was off. Otherwise the
+    middle of the side is as good a guess as any. Marking more would close narrow passages.
+    """
+    guess = 0.4 * (low_rad + high_rad)
+    rim_m = now.robot.radius_m + TOUCH_GAP_M
+    known = matter_near(now.view, now.pose, rim_m + STRIP_M)
+    at = now.pose.inverse().apply(known)
+    away, bearing = np.hypot(at[:, 0], at[:, 1]), np.arctan2(at[:, 1], at[:, 0])
+    close = away < now.robot.radius_m + TOUCH_REACH_M
+    close &= (bearing >= low_rad - 0.1) & (bearing <= high_rad + 0.1)
+    if close.any():
+        guess = float(bearing[close][np.argmin(away[close])])
+    normal = np.array([math.cos(guess), math.sin(guess)])
+    tangent = np.array([-normal[1], normal[0]])
+    beyond, along = at @ normal - rim_m, at @ tangent
+    wall = (np.abs(beyond) < TOUCH_REACH_M) & (np.abs(along) < STRIP_M)
+    strip = np.outer(np.append(along[wall], [-TOUCH_HALF_M, 0.0, TOUCH_HALF_M]), tangent)
+    return now.pose.apply(strip + rim_m * normal)
+
+
+def _rim(now: Situation, bearing: np.ndarray, beyond_m: float) -> np.ndarray:
+    """Points (n, 2) of `world` just outside the robot's rim at these bearings."""
+    reach = now.robot.radius_m + beyond_m
+    return now.pose.apply(reach * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))

@@ -1,0 +1,1 @@
+"""MQTT and Home Assistant: the same capabilities over a broker."""

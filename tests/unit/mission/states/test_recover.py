@@ -1,0 +1,221 @@
+"""Recovery backs off, turns away, and turns out of a corner when backing does not help."""
+
+import math
+
+import numpy as np
+import pytest
+
+from robot.config import Config
+from robot.control.safety import SafetyGate
+from robot.geometry.se2 import SE2, exp
+from robot.mapping.grid import OccupancyGrid
+from robot.mapping.swept import SweptFloor
+from robot.messages import ClearOrder, Contact, Grid, LinkState, PlanOrder
+from robot.mission.desk import PlanDesk
+from robot.mission.dock_sight import DockSight
+from robot.mission.ladder import RUNGS, WIGGLE_FROM
+from robot.mission.state import Situation
+from robot.mission.states.recover import Recover
+from robot.mission.states.rest import Idle
+
+CONFIG = Config()
+TICK_NS = 20_000_000
+
+
+class Life:
+    """Just enough of a robot: wishes become motion, unless the world holds it."""
+
+    def __init__(self, contact, stop="bump", held=False, resume=None):
+        grid = OccupancyGrid(CONFIG.mapping)
+        grid.clear_footprint(SE2(), 0.5)
+        swept = SweptFloor(CONFIG.mapping, CONFIG.robot.brush_width_m)
+        self.held, self.wishes, self.step = held, [], None
+        self.resume = resume or Idle()
+        self.now = Situation(
+            t_ns=0, pose=SE2(), yaw_sigma_rad=0.01, health="ok", odom=SE2(), driven_m=5.0,
+            turned_rad=0.0, contact=contact, link=LinkState(0, True, stop), battery_pct=80.0,
+            view=grid.snapshot(), known_free_m2=1.0, grid=grid, swept=swept,
+            gate=SafetyGate(CONFIG.control, CONFIG.robot), desk=PlanDesk(grid, swept),
+            sight=DockSight(CONFIG.robot), robot=CONFIG.robot, control=CONFIG.control,
+            config=CONFIG.mission,
+        )  # fmt: skip
+
+    def recover(self, kind, max_s=30.0):
+        state = Recover(kind, self.resume)
+        state.enter(self.now)
+        while self.step is None and self.now.t_ns < max_s * 1e9:
+            now = self.now
+            now.t_ns += TICK_NS
+            step = state.tick(now)
+            self.wishes.append(step.wish)
+            if any(isinstance(o, ClearOrder) for o in now.orders):
+                now.link = LinkState(now.t_ns, True)
+            if step.then is not None:
+                self.step = step
+            motion = exp(step.wish.v_mps * 0.02, 0.0, step.wish.yaw_rate_radps * 0.02)
+            if self.held:
+                motion = SE2(0.0, 0.0, motion.yaw_rad)
+            now.odom = now.pose = now.odom @ motion
+            now.driven_m += abs(motion.x_m)
+            if abs(now.odom.yaw_rad) > 0.4 or now.odom.x_m < -0.02:
+                now.contact = Contact(now.t_ns)  # released
+        return state
+
+
+def occupied(grid: Grid) -> np.ndarray:
+    ys, xs = np.nonzero(grid.cells == 100)
+    res = grid.resolution_m
+    return np.stack(
+        [(xs + 0.5) * res + grid.origin_x_m, (ys + 0.5) * res + grid.origin_y_m], axis=-1
+    )
+
+
+@pytest.mark.parametrize(("left", "sign"), [(True, -1.0), (False, 1.0)])
+def test_a_bump_is_cleared_marked_backed_off_from_and_turned_away_from(left, sign):
+    life = Life(Contact(0, bump_left=left, bump_right=not left))
+    life.recover("bump")
+    assert sum(isinstance(o, ClearOrder) for o in life.now.orders) == 1
+    assert life.step.then is life.resume
+    assert -CONFIG.mission.back_off_m < life.now.odom.x_m < -0.02
+    assert 0.1 < sign * life.now.odom.yaw_rad < 0.4
+    marked = occupied(life.now.grid.snapshot())
+    assert len(marked) and np.all(np.hypot(*marked.T) > CONFIG.robot.radius_m - 0.02)
+    assert np.all(np.sign(marked[:, 1]) == (1 if left else -1))
+
+
+def test_a_bump_with_the_front_is_backed_off_from_farther():
+    life = Life(Contact(0, bump_left=True, bump_right=True))
+    life.recover("bump")
+    assert life.now.odom.x_m == pytest.approx(-CONFIG.mission.back_off_m, abs=0.02)
+    assert abs(life.now.odom.yaw_rad) > 0.3
+
+
+def test_a_brushed_wall_is_moved_to_where_it_was_touched():
+    life = Life(Contact(0, bump_left=True))
+    x = np.arange(-0.6, 0.6, 0.02)
+    wall = np.stack([x, np.full_like(x, CONFIG.robot.radius_m + 0.04)], axis=-1)
+    life.now.grid.mark_obstacle(wall)
+    life.now.view = life.now.grid.snapshot()
+    life.recover("bump")
+    marked = occupied(life.now.grid.snapshot())
+    for at in (-0.2, 0.0, 0.2):  # along the wall, too
+        assert min(y for x, y in marked if abs(x - at) < 0.05) < CONFIG.robot.radius_m + 0.02
+    far = [y for x, y in marked if abs(x) > 0.4]
+    assert min(far) > CONFIG.robot.radius_m + 0.02
+
+
+@pytest.mark.parametrize(("left", "sign"), [(True, -1.0), (False, 1.0)])
+def test_wedged_in_a_corner_it_turns_out_without_a_wheel_pushing_forward(left, sign):
+    life = Life(Contact(0, bump_left=left, bump_right=not left), held=True)
+    life.recover("bump")
+    pivots = [w for w in life.wishes if w.reason == "turning out of a corner"]
+    assert pivots and all(sign * w.yaw_rate_radps > 0.0 for w in pivots)
+    half = CONFIG.robot.track_width_m / 2.0
+    assert all(w.v_mps + half * abs(w.yaw_rate_radps) <= 0.0 for w in pivots)
+    assert life.step.then is life.resume and not life.now.touching
+
+
+def test_tries_without_progress_escalate_to_the_own_trail_and_then_give_up():
+    names = []
+    life = Life(Contact(0, bump_left=True))
+    for k in range(20):
+        life.now.run.trail.drop_crumb(SE2(-0.06 * k))
+    for _ in range(12):
+        life.step, life.now.contact = None, Contact(0, bump_left=True)
+        life.now.odom = life.now.pose = SE2()
+        life.now.run.trouble_at_m = life.now.driven_m
+        life.recover("bump", max_s=1e6)
+        names.append(life.step.then.name)
+    limit = CONFIG.mission.recover_tries
+    assert names[:2] == ["idle", "idle"] and names[2] == "retrace"
+    assert set(names[limit:]) == {"error"} and "gave up" in life.step.reason
+
+
+def test_free_driving_makes_the_next_trouble_a_first_one():
+    life = Life(Contact(0, bump_left=True))
+    life.now.run.troubles, life.now.run.trouble_at_m = 7, 0.0
+    life.recover("bump")
+    assert life.now.run.troubles == 1 and life.step.then is life.resume
+
+
+def test_a_cliff_is_marked_across_the_way():
+    life = Life(Contact(0, cliff=True), stop="cliff")
+    life.recover("cliff")
+    bearing = np.arctan2(*occupied(life.now.grid.snapshot()).T[::-1])
+    assert bearing.min() < -0.6 and bearing.max() > 0.6
+    assert life.now.odom.x_m < -0.1
+
+
+def test_a_stop_that_cannot_be_cleared_is_an_error():
+    life = Life(Contact(0), stop="stall")
+    life.now.orders = Deaf()
+    life.recover("stop")
+    assert life.step.then.name == "error" and "stall" in life.step.reason
+    assert life.now.t_ns * 1e-9 < 6.0
+
+
+class Deaf(list):
+    """Orders that nobody hears."""
+
+    def __iter__(self):
+        return iter(())
+
+
+def test_an_open_question_to_the_planner_is_dropped():
+    life = Life(Contact(0, bump_left=True))
+    life.now.desk.order(0, "coverage", SE2(), life.now.orders)
+    assert any(isinstance(o, PlanOrder) for o in life.now.orders)
+    life.recover("bump")
+    assert not life.now.desk.waiting and math.isfinite(life.now.odom.x_m)
+
+
+@pytest.mark.parametrize("kind", ["bump", "stop", "slip", "stuck", "blocked", "enclosed"])
+def test_every_rung_is_left_in_time_although_nothing_moves(kind):
+    for tries in range(CONFIG.mission.recover_tries):
+        life = Life(Contact(0), stop="")
+        life.now.run.troubles, life.now.run.trouble_at_m = tries, life.now.driven_m
+        state, entered = Recover(kind, life.resume), {}
+        life.held = True
+        state.enter(life.now)
+        since_ns, phase = life.now.t_ns, state._phase
+        while life.step is None:
+            life.now.t_ns += TICK_NS
+            step = state.tick(life.now)
+            if state._phase != phase or step.then is not None:
+                entered[phase] = (life.now.t_ns - since_ns) * 1e-9
+                since_ns, phase = life.now.t_ns, state._phase
+            life.step = step if step.then is not None else None
+        for name, took_s in entered.items():
+            assert took_s <= RUNGS[name].limit_s + 0.1, (kind, tries, name)
+        if kind in ("stop", "slip", "stuck"):
+            assert ("wiggle" in entered) == (tries + 1 >= WIGGLE_FROM)
+
+
+def test_a_trouble_ends_after_its_time_and_after_its_way_and_names_the_cause():
+    for spent in ({"trouble_since_ns": -36 * 10**9}, {"trouble_back_m": 1.5}):
+        life = Life(Contact(0, bump_left=True, bump_right=True), stop="bump")
+        life.now.run.troubles, life.now.run.trouble_at_m = 2, life.now.driven_m
+        for name, value in spent.items():
+            setattr(life.now.run, name, value)
+        life.recover("bump")
+        assert life.step.then.name == "error" and "bumper stays pressed" in life.step.reason
+
+
+def test_a_stall_is_named_as_a_wheel():
+    life = Life(Contact(0), stop="stall")
+    life.now.run.troubles, life.now.run.trouble_at_m = 8, life.now.driven_m
+    life.recover("stop")
+    assert "a wheel is blocked" in life.step.reason and "gave up after 8 tries" in life.step.reason
+
+
+def test_backing_off_in_one_trouble_is_bounded_in_metres():
+    life = Life(Contact(0), stop="stall")
+    backed_m = 0.0
+    for _ in range(CONFIG.mission.recover_tries + 1):
+        life.step, before_m = None, life.now.driven_m
+        life.now.run.trouble_at_m, life.now.link = life.now.driven_m, LinkState(0, True, "stall")
+        life.now.run.trouble_since_ns = life.now.t_ns
+        life.recover("stop", max_s=1e6)
+        backed_m += life.now.driven_m - before_m
+    assert life.step.then.name == "error"
+    assert life.now.run.trouble_back_m <= CONFIG.mission.recover_limit_m + 0.02
