@@ -16,10 +16,12 @@ FORMATS = ("opencv", "kalibr", "ros")
 
 
 def _later(module: str, name: str) -> Verb:
-    """The verb of that name in `robot.body.<module>`, imported when it is called."""
+    """The verb of that name in `robot.body.calibration.<module>`, imported when it is called."""
 
     def call(arguments: argparse.Namespace) -> dict[str, Any]:
-        result: dict[str, Any] = getattr(import_module(f"robot.body.{module}"), name)(arguments)
+        result: dict[str, Any] = getattr(import_module(f"robot.body.calibration.{module}"), name)(
+            arguments
+        )
         return result
 
     return call
@@ -37,14 +39,14 @@ def add_verbs(verbs: Any, verb: AddVerb, write_json: Callable[[str | None, Any],
         made.add_argument("--config", type=Path, help="TOML file with differences to the defaults")
         return made
 
-    board = add("board", "draw a calibration board for the printer", _later("calibrate", "board"))
+    board = add("board", "draw a calibration board for the printer", _later("cameras", "board"))
     _add_board(board)
     board.add_argument("--out", type=Path, default=Path("board.png"), help="a picture at 300 dpi")
 
     stereo = add(
         "stereo",
         "both cameras, from live pictures or a folder of a board",
-        _later("calibrate", "stereo"),
+        _later("cameras", "stereo"),
     )
     _add_board(stereo)
     stereo.add_argument("--frames", type=Path, metavar="DIR", help="recorded pairs, not live ones")
@@ -58,7 +60,7 @@ def add_verbs(verbs: Any, verb: AddVerb, write_json: Callable[[str | None, Any],
     stereo.add_argument("--max-epipolar-px", type=float, help="refuse above; default 0.3")
 
     convert = add(
-        "convert", "rewrite a calibration in another layout", _later("calibrate", "convert")
+        "convert", "rewrite a calibration in another layout", _later("cameras", "convert")
     )
     convert.add_argument("files", nargs="+", type=Path, metavar="FILE", help="one, or left right")
     convert.add_argument("--out", type=Path, required=True)
@@ -70,7 +72,7 @@ def add_verbs(verbs: Any, verb: AddVerb, write_json: Callable[[str | None, Any],
         ("camera-pose", "height, pitch and roll of the cameras over bare floor"),
         ("sync", "are both eyes exposed at once? watches a blinking light"),
     ):
-        made = add(name, summary, _later("calibrate_sensors", name.replace("-", "_")))
+        made = add(name, summary, _later("sensors", name.replace("-", "_")))
         if name != "sync":
             made.add_argument("--apply", action="store_true", help="enter the values in --config")
         if name in ("sync", "camera-pose"):
