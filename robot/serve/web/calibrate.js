@@ -56,7 +56,7 @@ export class Calibrate {
     const counts = (s.counts || []).flat();
     for (const [k, cell] of [...$("cal-cells").children].entries()) cell.className = counts[k] >= OFTEN ? "often" : counts[k] ? "seldom" : "";
     $("cal-cells").setAttribute("aria-label", `The board has been in ${counts.filter((n) => n).length} of 48 parts of the image`);
-    $("cal-save").disabled = !(good && straight);
+    $("cal-save").disabled = !(s.running && good && straight);
   }
 }
 
