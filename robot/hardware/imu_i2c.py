@@ -27,7 +27,6 @@ _RADPS_PER_LSB = math.radians(1.0 / 65.5)  # at the 500 degrees/s range
 _MPS2_PER_LSB = G_MPS2 / 16384.0  # at the 2 g range
 _LOOK_EVERY = 50  # samples between two looks whether the chip is still set up
 _GYRO_START_S = 0.05
-AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
 @dataclass(frozen=True, slots=True)

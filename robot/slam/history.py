@@ -76,12 +76,6 @@ class OdometryBuffer:
         self._left, self._right, self._yaw = Series(), Series(), Series()
         self._offset = (0.0, 0.0)  # added after a reset of the counters
 
-    @property
-    def newest_ns(self) -> int | None:
-        """Time of the newest sample of any kind, None before the first."""
-        times = [series.t_ns[-1] for series in (self._left, self._yaw) if series.t_ns]
-        return max(times, default=None)
-
     def add_wheels(self, t_ns: int, left_m: float, right_m: float) -> None:
         """Add cumulative wheel travel; a jump no wheel can make restarts the count."""
         left, right = left_m + self._offset[0], right_m + self._offset[1]
