@@ -12,6 +12,7 @@ steps: an hour before the end they are nearly as good as at the end.
 
 Fine-tuning is a training of other kinds of shards that starts from weights:
 `python -m models.train hybrid --kinds real --start training/hybrid/best.pt --out training/tuned`.
+A wide network may start from the weights of a narrow one.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from models.loss import stereo_loss
 from models.networks import NETWORKS, build
 from models.networks.blocks import INPUT_MEAN, INPUT_SCALE
 from models.place import Place, find_place
+from models.widen import widened
 
 LOSS_SCALE = 1024.0  # keeps small gradients of bfloat16 out of the denormal range
 WARMUP_STEPS = 100
@@ -71,7 +73,7 @@ class Trainer:
         self.network: nn.Module = build(order.name).to(self.place.device)
         if order.start is not None:
             state = torch.load(order.start, self.place.device, weights_only=True)
-            self.network.load_state_dict(state.get("network", state))
+            self.network.load_state_dict(widened(state.get("network", state), self.network))
         self.optimiser = torch.optim.AdamW(self.network.parameters(), order.rate, weight_decay=1e-4)
         self.average = AveragedModel(
             self.network, multi_avg_fn=get_ema_multi_avg_fn(AVERAGE), use_buffers=True
