@@ -17,7 +17,7 @@ from robot.body.cleaning import RunOptions, run_cleaning
 from robot.config import Config
 
 BUDGET_MB_PER_H = {"cleaning": 50.0, "docked": 1.0}
-SECONDS = {"cleaning": (60.0, 240.0), "docked": (30.0, 630.0)}  # the short life and the long one
+SECONDS = {"cleaning": (60.0, 240.0), "docked": (30.0, 3630.0)}  # the short life and the long one
 
 
 def written() -> int:

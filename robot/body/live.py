@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Protocol
 
+import numpy as np
+
 from robot.body.base import Asked, Recorder
 from robot.body.notify import Notifier
 from robot.config import Config
@@ -164,7 +166,7 @@ class LiveBody:
         self.frames = 0
         self.frames_dropped = 0
         self._start = start
-        self.stage_ms: dict[str, list[float]] = {}
+        self.stage_ms: dict[str, np.ndarray] = {}  # nothing but perception's is timed
 
     # ------------------------------------------------------------------ Body
 

@@ -13,10 +13,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from firmware_bridge.host import HostFirmware, HostInputs
 from firmware_bridge.transport import SerialTransport
 from robot.body.base import Asked, Recorder
 from robot.body.eyes import Eyes
+from robot.body.records.newest import Newest
+from robot.body.records.observe import TIMES
 from robot.config import Config
 from robot.hardware.fakes import FakeBuzzer
 from robot.hardware.wheels import WheelBridge, make_link
@@ -85,9 +89,14 @@ class SimulatedBody:
         self._start = start
         self._control = control
         self.buzzer = FakeBuzzer()
-        self.stage_ms: dict[str, list[float]] = {}
+        self._stage_ms: dict[str, Newest] = {}
         self.frames = 0
         self.frames_dropped = 0
+
+    @property
+    def stage_ms(self) -> dict[str, np.ndarray]:
+        """Wall time in milliseconds (n,) of each stage of a tick."""
+        return {stage: times.rows[:, 0] for stage, times in self._stage_ms.items()}
 
     # ------------------------------------------------------------------ Body
 
@@ -196,4 +205,5 @@ class SimulatedBody:
 
     def _timed(self, stage: str, started_ns: int) -> None:
         """Note the wall time of one passage of `stage`, for the summary."""
-        self.stage_ms.setdefault(stage, []).append((time.perf_counter_ns() - started_ns) / 1e6)
+        times = self._stage_ms.setdefault(stage, Newest(1, TIMES))
+        times.append((time.perf_counter_ns() - started_ns) / 1e6)

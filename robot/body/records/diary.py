@@ -31,7 +31,7 @@ class Diary:
 
     def __init__(self, observer: Observer, folder: Callable[[str], Path]) -> None:
         self._observer, self._folder = observer, folder
-        self._began: tuple[int, int, float, str] | None = None
+        self._began: tuple[int, float, str] | None = None
         self._swept_m2 = 0.0
         self._writer: threading.Thread | None = None
 
@@ -46,9 +46,8 @@ class Diary:
             return
         if self._began is None and begins_run(command.state):
             begun = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-            poses = len(self._observer.estimates)
             swept_m2 = min(self._swept_m2, command.covered_m2)  # a new run may begin at 0
-            self._began = (command.t_ns, poses, swept_m2, begun)
+            self._began = (command.t_ns, swept_m2, begun)
         elif self._began is not None and command.state in RESTING:
             self._end(command, *self._began)
             self._began = None
@@ -60,13 +59,12 @@ class Diary:
         if self._writer is not None:
             self._writer.join()
 
-    def _end(
-        self, end: MissionState, start_ns: int, first: int, swept_m2: float, begun: str
-    ) -> None:
+    def _end(self, end: MissionState, start_ns: int, swept_m2: float, begun: str) -> None:
         duration_s = (end.t_ns - start_ns) / NS
         if duration_s < MIN_RUN_S:
             return
-        track = self._observer.estimates[first:]
+        track = self._observer.estimates
+        track = track[track[:, 0] >= start_ns / NS]
         page = {
             "began": begun,
             "duration_s": round(duration_s, 1),

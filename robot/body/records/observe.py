@@ -1,6 +1,8 @@
 """What a run leaves behind besides its log: tracks, covered floor, stage times, last map.
 
 The observer stands between the loop and the log, and beside the body's recorder. It only reads.
+A robot that stays switched on for months is docked for most of them: at rest one pose a minute is
+kept of a track, and of all that is measured the newest.
 """
 
 from __future__ import annotations
@@ -11,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot.body.base import EventLog, Recorder
+from robot.body.records.newest import Newest
+from robot.body.resting import RESTING
 from robot.geometry.se2 import SE2
 from robot.messages import (
     Command,
@@ -26,6 +30,9 @@ from robot.messages import (
 
 NS = 1_000_000_000
 SNAPSHOT_NS = 2 * NS
+RESTING_NS = 60 * NS  # between two poses of a track while the robot rests
+POSES = 200_000  # of a track: more than five hours of driving
+TIMES = 50_000  # of a stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +62,9 @@ class Observer:
         self._on_snapshot, self._covered_pct = on_snapshot, covered_pct
         self.on_truth: Callable[[SE2], None] = lambda world_from_base: None
         self._next_snapshot_ns = 0
-        self._estimates: list[tuple[float, float, float, float]] = []
-        self._truth: list[tuple[float, float, float, float]] = []
-        self.stage_ms: dict[str, list[float]] = {}
+        self._estimates, self._truth = Newest(4, POSES), Newest(4, POSES)
+        self._estimated_ns = self._true_ns = -RESTING_NS
+        self._stage_ms: dict[str, Newest] = {}
         self.mission = MissionState(0, "none", "nothing has happened yet", 0.0, 0.0)
         self.map: MapReport | None = None
         self.t_ns = 0
@@ -66,12 +73,17 @@ class Observer:
     @property
     def estimates(self) -> np.ndarray:
         """Estimated track (n, 4): t_s, x_m, y_m, yaw_rad in `world`."""
-        return np.array(self._estimates).reshape(-1, 4)
+        return self._estimates.rows
 
     @property
     def true_track(self) -> np.ndarray:
         """True track (n, 4), empty without truth."""
-        return np.array(self._truth).reshape(-1, 4)
+        return self._truth.rows
+
+    @property
+    def stage_ms(self) -> dict[str, np.ndarray]:
+        """Milliseconds (n,) of each stage of perception."""
+        return {stage: times.rows[:, 0] for stage, times in self._stage_ms.items()}
 
     def event(self, event: Event) -> None:
         """Log one event."""
@@ -79,7 +91,7 @@ class Observer:
         self.t_ns = event.t_ns
         if isinstance(event, Seen):
             for stage, ms in event.stage_ms.items():
-                self.stage_ms.setdefault(stage, []).append(ms)
+                self._stage_ms.setdefault(stage, Newest(1, TIMES)).append(ms)
         elif isinstance(event, Contact):
             self.charging = event.charging
         elif isinstance(event, Tick) and event.t_ns >= self._next_snapshot_ns:
@@ -90,7 +102,9 @@ class Observer:
         """Log one command or report."""
         self._log.command(command)
         if isinstance(command, PoseEstimate):
-            self._estimates.append(_row(command.t_ns, command.world_from_base))
+            if self._due(command.t_ns, self._estimated_ns):
+                self._estimated_ns = command.t_ns
+                self._estimates.append(*_row(command.t_ns, command.world_from_base))
         elif isinstance(command, MissionState):
             self.mission = command
         elif isinstance(command, MapReport):
@@ -106,20 +120,27 @@ class Observer:
 
     def truth(self, t_ns: int, world_from_base: SE2) -> None:
         """Keep and record where the robot truly is."""
-        self._truth.append(_row(t_ns, world_from_base))
+        if self._due(t_ns, self._true_ns):
+            self._true_ns = t_ns
+            self._truth.append(*_row(t_ns, world_from_base))
         self.on_truth(world_from_base)
         self._recorder.truth(t_ns, world_from_base)
 
+    def _due(self, t_ns: int, kept_ns: int) -> bool:
+        """Whether a pose belongs into its track; at rest the same ones of both tracks."""
+        return self.mission.state not in RESTING or t_ns // RESTING_NS != kept_ns // RESTING_NS
+
     def _snapshot(self) -> Snapshot:
         error = None
-        if self._truth and self._estimates:
-            by_time = {row[0]: row for row in self._truth[-20:]}
-            at = by_time.get(self._estimates[-1][0])
-            if at is not None:
-                error = float(np.hypot(*(np.subtract(at, self._estimates[-1])[1:3])))
+        if len(self._truth) and len(self._estimates):
+            last = self.estimates[-1]
+            at = self.true_track[-20:]
+            at = at[at[:, 0] == last[0]]
+            if len(at):
+                error = float(np.hypot(*(at[0] - last)[1:3]))
         done, left = self.mission.covered_m2, self.mission.remaining_m2
         covered = 100.0 * done / (done + left) if done + left > 0 else None
-        if self._covered_pct is not None and self._truth:
+        if self._covered_pct is not None and len(self._truth):
             covered = self._covered_pct(self.true_track)
         return Snapshot(self.t_ns / NS, self.mission.state, covered, error)
 

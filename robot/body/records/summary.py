@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import resource
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +35,7 @@ class Judge:
     def __init__(self, world: World, base: SimBase, robot: RobotConfig) -> None:
         self.world, self.base = world, base
         self.floor = world.reachable(robot)
-        self._sweep, self._poses = Sweep(self.floor, robot.brush_width_m), 0
+        self._sweep, self._swept_s = Sweep(self.floor, robot.brush_width_m), -math.inf
         self._radius_m, self.no_go_entered = robot.radius_m, False
 
     def look(self, world_from_base: SE2, annotations: Annotations) -> None:
@@ -43,9 +44,11 @@ class Judge:
         self.no_go_entered |= away_m < self._radius_m
 
     def covered_pct(self, track: np.ndarray) -> float:
-        """Share of the reachable floor swept along a true track (n, 4), which only ever grows."""
-        self._sweep.add(self.in_scene(track[self._poses :]))
-        self._poses = len(track)
+        """Share of the reachable floor swept along a true track (n, 4) that goes on at its end."""
+        new = track[track[:, 0] > self._swept_s]
+        if len(new):
+            self._sweep.add(self.in_scene(new))
+            self._swept_s = float(new[-1, 0])
         return self._sweep.covered_pct()
 
     def in_scene(self, track: np.ndarray) -> np.ndarray:
@@ -100,7 +103,7 @@ def summarise(
         "reason": observer.mission.reason,
         "frames": body.frames,
         "frames_dropped": body.frames_dropped,
-        "stage_ms": {stage: percentiles(ms) for stage, ms in stages.items() if ms},
+        "stage_ms": {stage: percentiles(ms) for stage, ms in stages.items() if len(ms)},
         "peak_rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
     }
 
