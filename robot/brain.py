@@ -186,8 +186,9 @@ class Brain:
         return self._world_from_odom @ self._odometry.odom_from_base
 
     def _settle(self) -> None:
-        """The map has confirmed the pose."""
+        """The map has confirmed the pose: it is believed at the next tick, not the next frame."""
         self._slam.confirm(SETTLED_COV)
+        self._estimate = self._slam.pose_at(self._estimate.t_ns)
 
     def _barriers(self) -> np.ndarray:
         """What must not be crossed, as lines (n, 4) of odom."""

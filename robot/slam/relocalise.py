@@ -65,8 +65,11 @@ def find_pose(local: PlacePoints, places: PlacePoints) -> Fix | None:
     if len(here) < 3:
         return None
     near, far = local.xy_m[here], places.xy_m[there]
-    poses = _votes(near, far, here, there)
-    fits = [fit for pose in poses if (fit := _refine(pose, near, far, here, there)) is not None]
+    fits: list[tuple[SE2, np.ndarray]] = []
+    for pose in _votes(near, far, here, there):
+        if all(_apart(pose, known) for known, _ in fits):  # else it would lead to the same
+            fit = _refine(pose, near, far, here, there)
+            fits += [] if fit is None else [fit]
     if not fits:
         return None
     best, used = max(fits, key=lambda fit: len(fit[1]))

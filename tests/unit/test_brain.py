@@ -112,3 +112,15 @@ def test_a_look_around_ends_in_an_order_for_a_plan():
     assert plans and plans[0].kind == "coverage"
     assert (plans[0].grid.cells == 0).sum() * plans[0].grid.resolution_m ** 2 > 3.0
     assert 5.0 < k * 0.02 < 9.0
+
+
+def test_a_pose_that_the_map_confirms_is_believed_at_once():
+    brain = Brain(Config())
+    beat(brain, 100 * MS)
+    brain.on(seen(100 * MS))
+    brain.on(Contact(120 * MS, wheel_drop=True))
+    brain.on(seen(200 * MS))
+    now = brain._situation(220 * MS)
+    assert now.health == "lost"
+    now.settle()
+    assert brain._situation(240 * MS).health == "ok"
