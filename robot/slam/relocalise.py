@@ -105,16 +105,15 @@ def _votes(near: np.ndarray, far: np.ndarray, here: np.ndarray, there: np.ndarra
     middle, aim = 0.5 * (near[i] + near[j]), 0.5 * (far[i] + far[j])
     x = aim[:, 0] - (c * middle[:, 0] - s * middle[:, 1])
     y = aim[:, 1] - (s * middle[:, 0] + c * middle[:, 1])
-    cells = np.rint(np.stack([x / _BIN_M, y / _BIN_M, yaw / _BIN_RAD], axis=1)).astype(int)
+    poses = np.stack([x, y, yaw], axis=1)
+    cells = np.rint(poses / (_BIN_M, _BIN_M, _BIN_RAD)).astype(int)
     if not len(cells):
         return []
     _, bin_of, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     bin_of = bin_of.reshape(-1)
     best = np.argsort(-count, kind="stable")[:_VOTES]
     return [
-        SE2(*(float(np.median(v[bin_of == k])) for v in (x, y, yaw)))
-        for k in best.tolist()
-        if count[k] > 1
+        SE2(*np.median(poses[bin_of == k], axis=0).tolist()) for k in best.tolist() if count[k] > 1
     ]
 
 

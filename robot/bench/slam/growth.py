@@ -1,10 +1,10 @@
-"""What a frame costs as the home grows: CPU time of the whole SLAM on a drawn corridor and back."""
+"""What a frame costs as the home grows: CPU time of the whole SLAM up and down a drawn corridor."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sized
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ _PER_M, _WIDTH_M = 12.0, 2.0  # of the corridor
 _SPEED_MPS, _TURN_RADPS, _STEP_S = 0.25, 0.8, 0.2
 _VIEW_M, _VIEW_RAD = 3.5, 0.6
 _SIGHTS = 24  # of a frame at most; frames with fewer, near the ends, are not compared
+_FRAMES = 300  # compared at least: short corridors are driven again and again
 _NO_SCAN = Scan(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
@@ -111,7 +112,7 @@ def _there_and_back(count: int, config: Config) -> tuple[Slam, list[float], int,
     left = right = 0.0
     spent: list[float] = []
     t_ns, pose, most = 0, SE2(), 0
-    for v, w, back in _drive(home.length_m):
+    for v, w, back in _drive(home.length_m, spent):
         for _ in range(4):
             t_ns += round(0.25e9 * _STEP_S)
             left += 0.25 * _STEP_S * (v - w * half_m) + rng.normal(0.0, 1e-4)
@@ -136,11 +137,14 @@ def _there_and_back(count: int, config: Config) -> tuple[Slam, list[float], int,
     return slam, spent, most, math.hypot(found.x_m - pose.x_m, found.y_m - pose.y_m)
 
 
-def _drive(length_m: float) -> Iterator[tuple[float, float, bool]]:
-    """Speed, turn rate and whether it is the way back, step by step."""
+def _drive(length_m: float, compared: Sized) -> Iterator[tuple[float, float, bool]]:
+    """Speed, turn rate and whether it is a way back, step by step, till enough is `compared`."""
     steps = round(length_m / (_SPEED_MPS * _STEP_S))
-    yield from [(0.0, 0.0, False)] * 5
-    yield from [(_SPEED_MPS, 0.0, False)] * steps
     turning = round(math.pi / (_TURN_RADPS * _STEP_S))
-    yield from [(0.0, math.pi / (turning * _STEP_S), False)] * turning
-    yield from [(_SPEED_MPS, 0.0, True)] * steps
+    turn = [(0.0, math.pi / (turning * _STEP_S), False)] * turning
+    yield from [(0.0, 0.0, False)] * 5
+    while len(compared) < _FRAMES:
+        yield from [(_SPEED_MPS, 0.0, False)] * steps
+        yield from turn
+        yield from [(_SPEED_MPS, 0.0, True)] * steps
+        yield from turn
