@@ -24,6 +24,7 @@ from robot.hardware.uvc import UvcStereo
 from robot.perception.calibration_files import parse_calibration
 from robot.perception.chain import Perception
 from robot.perception.depth import Depth, make_depth
+from robot.perception.floor import rows_above_near_floor
 from robot.perception.rectify import Rectifier
 
 
@@ -55,10 +56,13 @@ def open_calibration(config: Config) -> Rectifier | None:
     )
 
 
-def open_depth(config: Config, camera: StereoCamera) -> Depth:
-    """The configured matcher, with its network read and its hash checked. Raises ModelError."""
+def open_depth(config: Config, camera: StereoCamera, rows: int | None = None) -> Depth:
+    """The configured matcher, with its network read and its hash checked. Raises ModelError.
+
+    Disparity is needed in the first `rows` only; None: everywhere.
+    """
     if config.perception.matcher != "onnx":
-        return make_depth(config.perception, camera, None)
+        return make_depth(config.perception, camera, None, rows=rows)
     name = config.perception.model
     try:
         return make_depth(config.perception, camera, read_model(name))
@@ -67,14 +71,14 @@ def open_depth(config: Config, camera: StereoCamera) -> Depth:
 
 
 def open_perception(config: Config) -> Perception:
-    """The whole chain from frame to `Seen` for this configuration, timed by the real clock."""
+    """The whole chain from frame to `Seen` for the robot on its floor, timed by the real clock."""
     rectifier = open_calibration(config)
     camera = rectifier.camera if rectifier else config.camera.stereo_camera()
     return Perception(
         config.perception,
         config.robot,
         camera,
-        open_depth(config, camera),
+        open_depth(config, camera, rows_above_near_floor(camera, config.perception)),
         rectifier,
         clock=time.perf_counter_ns,
     )

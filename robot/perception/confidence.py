@@ -22,6 +22,7 @@ import numpy as np
 from robot.config import PerceptionConfig
 from robot.geometry.stereo import StereoCamera
 from robot.messages import DisparityMap
+from robot.perception.depth.base import only
 
 ROW_PX = 2  # every second row is tested, and answers for the next
 UNIQUE_PX = 1.0
@@ -56,14 +57,14 @@ class Confidence:
     def check(self, left: np.ndarray, right: np.ndarray, found: DisparityMap) -> Trusted:
         """Keep what passes all tests; images are rectified and of equal exposure."""
         answered = found.confidence >= max(self._config.min_confidence, 1e-6)
-        disparity = _only(found.disparity_px[::ROW_PX], answered[::ROW_PX], 0.0)
+        disparity = only(found.disparity_px[::ROW_PX], answered[::ROW_PX], 0.0)
         seen = self._u - disparity
         energy_u, energy_v = self._energies(left)
         passed = self._unique(seen, disparity)
         passed &= self._alike(left, right, seen, energy_u, energy_v)
         passed &= self._founded(energy_u, disparity)
         known = answered & np.repeat(passed, ROW_PX, axis=0)[: len(answered)]
-        trusted = _only(found.disparity_px, known, np.nan)
+        trusted = only(found.disparity_px, known, np.nan)
         return Trusted(trusted, float(np.count_nonzero(known)) / known.size)
 
     def _unique(self, seen: np.ndarray, disparity: np.ndarray) -> np.ndarray:
@@ -72,7 +73,7 @@ class Confidence:
         nearest = np.empty(disparity.size, np.float32)
         # Of pixels with one target the last in a row is the nearest, and the last is what stays.
         nearest[target.ravel()] = disparity.ravel()
-        return (seen > -0.5) & (nearest[target] - disparity <= UNIQUE_PX)
+        return (seen > -0.5) & (nearest.take(target) - disparity <= UNIQUE_PX)
 
     def _alike(
         self,
@@ -114,9 +115,3 @@ class Confidence:
             for step in (step_u, step_v)
         )
         return np.maximum(energy_u, 0.0), np.maximum(energy_v, 0.0)
-
-
-def _only(values: np.ndarray, mask: np.ndarray, other: float) -> np.ndarray:
-    """`values` (float32) where the mask is set, `other` elsewhere; cheaper than `numpy.where`."""
-    mask = np.ascontiguousarray(mask).view(np.uint8)
-    return cv2.copyTo(values, mask, np.full(values.shape, other, np.float32))

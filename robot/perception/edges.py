@@ -25,7 +25,6 @@ MAX_MISSED = 2  # frames that an edge may be hidden before it gets a new number
 LOOK_HEIGHT_M = 0.15  # the description is cut at this height, wherever the edge ends
 MAX_EDGES = 12
 MAX_RANGE_M = 3.0  # beyond, a third of the matches is another edge
-_BITS_SET = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).sum(axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,15 +134,18 @@ class EdgeFinder:
         fits &= (
             np.abs(before.d[None] - disparity[:, None]) < 1.0 + FOLLOW_SHARE * disparity[:, None]
         )
-        differing = _BITS_SET[before.bits[None] ^ bits[:, None]].sum(axis=2)
+        words, old = (np.ascontiguousarray(b).view(np.uint64) for b in (bits, before.bits))
+        differing = np.bitwise_count(old[None] ^ words[:, None]).sum(axis=2)
         fits &= differing < FOLLOW_BITS
-        cost = np.where(fits, away + 0.1 * differing, np.inf)
+        cost = away + 0.1 * differing
         track_id = np.full(len(u), -1, np.int64)
         age = np.zeros(len(u), np.int64)
-        while cost.size and np.isfinite(cost.min()):
-            i, j = np.unravel_index(int(np.argmin(cost)), cost.shape)
-            track_id[i], age[i] = before.track_id[j], before.age[j] + 1
-            cost[i, :] = cost[:, j] = np.inf
+        pairs = np.argwhere(fits)
+        handed_on = set()
+        for i, j in pairs[np.argsort(cost[fits], kind="stable")].tolist():
+            if track_id[i] < 0 and j not in handed_on:
+                track_id[i], age[i] = before.track_id[j], before.age[j] + 1
+                handed_on.add(j)
         new = track_id < 0
         track_id[new] = self._ids.take(int(new.sum()))
         lost = ~np.isin(before.track_id, track_id) & (before.missed < MAX_MISSED)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot.config import PerceptionConfig
 from robot.geometry.stereo import StereoCamera
 
 MAX_TILT_RAD = math.radians(3.0)  # of the mounting, about either axis
@@ -28,6 +29,26 @@ PRIOR_TILT_RAD = math.radians(0.5)
 PRIOR_HEIGHT = 0.05
 STEP_PX = 4  # every fourth row and column is plenty
 MIN_PIXELS = 60
+NOD_RAD = math.radians(1.0)  # of a robot that drives over a sill
+
+
+def rows_above_near_floor(camera: StereoCamera, config: PerceptionConfig) -> int:
+    """Rows from the top, below which even the floor is too near to be matched.
+
+    What stands on it is nearer still. A nod of the robot is allowed for.
+    """
+    slope_u, slope_v, offset_px = mounted_plane(camera).tolist()
+    aside_px = abs(slope_u) * max(camera.cx_px, camera.width_px - 1 - camera.cx_px)
+    v = (config.max_disparity_px + aside_px - offset_px) / max(slope_v, 1e-6)
+    rows = math.ceil(v + camera.cy_px + NOD_RAD * camera.focal_px) + 1
+    return min(max(rows, 1), camera.height_px)
+
+
+def mounted_plane(camera: StereoCamera) -> np.ndarray:
+    """Slope along u, slope along v and offset (3,) of the floor's disparity, by the mounting."""
+    rotation, height = camera.base_from_cam[:3, :3], camera.base_from_cam[2, 3]
+    normal = -rotation[2]  # base's downward axis, seen in the camera frame
+    return camera.baseline_m / height * normal * np.array([1.0, 1.0, camera.focal_px])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +70,7 @@ class Floor:
 
     def __init__(self, camera: StereoCamera) -> None:
         self._camera = camera
-        self._mounted = self._from_mounting()
+        self._mounted = mounted_plane(camera)
         prior_sigma = self._prior_sigma()
         self._prior = np.diag(prior_sigma**-2.0)
         self._information = np.zeros((3, 3))
@@ -91,12 +112,6 @@ class Floor:
             self._vector += weight * (rows @ away)
         self._change = self._limited(np.linalg.solve(self._information + self._prior, self._vector))
         return self.plane
-
-    def _from_mounting(self) -> np.ndarray:
-        rotation, height = self._camera.base_from_cam[:3, :3], self._camera.base_from_cam[2, 3]
-        normal = -rotation[2]  # base's downward axis, seen in the camera frame
-        scale = self._camera.baseline_m / height
-        return scale * normal * np.array([1.0, 1.0, self._camera.focal_px])
 
     def _prior_sigma(self) -> np.ndarray:
         scale = self._camera.baseline_m / self._camera.base_from_cam[2, 3]

@@ -124,22 +124,25 @@ class VisualOdometry:
         c, s = math.cos(yaw), math.sin(yaw)
         turned = pairs.now_m @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         rotation, origin = camera.base_from_cam[:3, :3], camera.base_from_cam[:3, 3]
-        cam = (turned + np.array([x, y, 0.0]) - origin) @ rotation
-        z = np.maximum(cam[:, 2], 0.05)
+        cam = np.ascontiguousarray(((turned + np.array([x, y, 0.0]) - origin) @ rotation).T)
+        z = np.maximum(cam[2], 0.05)
         focal, fb = camera.focal_px, camera.focal_px * camera.baseline_m
-        u = focal * cam[:, 0] / z
-        v = focal * cam[:, 1] / z
-        seen = np.column_stack([u + camera.cx_px, v + camera.cy_px + nod_px, fb / z])
-        # How the point moves in the camera frame (n, 3) for a change of each of x, y and yaw.
+        u, v, d = focal * cam[0] / z, focal * cam[1] / z, fb / z
+        residual = np.empty_like(pairs.before)
+        for k, seen in enumerate((u + camera.cx_px, v + camera.cy_px + nod_px, d)):
+            residual[:, k] = (seen - pairs.before[:, k]) / SIGMA_PX[k]
+        # How the point moves in the camera frame, (axis, change, n), for x, y and yaw.
         across = np.column_stack([-turned[:, 1], turned[:, 0]]) @ rotation[:2]
-        jacobian = np.zeros((len(z), 3, 4))
-        jacobian[:, 1, 3] = 1.0
-        for k, step in enumerate((rotation[None, 0], rotation[None, 1], across)):
-            away = step[:, 2] / z
-            jacobian[:, 0, k] = focal * step[:, 0] / z - u * away
-            jacobian[:, 1, k] = focal * step[:, 1] / z - v * away
-            jacobian[:, 2, k] = -fb / z * away
-        return (seen - pairs.before) / SIGMA_PX, jacobian / SIGMA_PX[:, None]
+        step = np.empty((3, 3, len(z)))
+        step[:, :2] = rotation[:2].T[:, :, None]
+        step[:, 2] = across.T
+        away = step[2] / z
+        jacobian = np.zeros((3, 4, len(z)))
+        jacobian[0, :3] = (focal * step[0] / z - u * away) / SIGMA_PX[0]
+        jacobian[1, :3] = (focal * step[1] / z - v * away) / SIGMA_PX[1]
+        jacobian[2, :3] = -d * away / SIGMA_PX[2]
+        jacobian[1, 3] = 1.0 / SIGMA_PX[1]
+        return residual, np.ascontiguousarray(jacobian.transpose(2, 0, 1))
 
     def _covariance(self, residual: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         """Of (x, y, yaw): inverse information, scaled by what the residuals say about the noise."""

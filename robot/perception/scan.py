@@ -27,6 +27,7 @@ FLOOR_PX = 0.8
 GAP_M = 0.25  # unseen floor between seen floor that is taken for free ...
 GAP_SHARE = 0.15  # ... and more of it far away, where rows are metres apart
 CLEAR_STEP_M = 0.05
+SPARE_PX = 0.1  # of disparity, against rounding
 
 
 class ScanMaker:
@@ -45,7 +46,7 @@ class ScanMaker:
 
     def make(self, disparity_px: np.ndarray, floor: FloorPlane) -> Scan:
         """Scan of one frame from disparity (h, w), NaN where unknown."""
-        nearest_px = self._obstacles(disparity_px[::ROW_PX], floor)
+        nearest_px = self._obstacles(disparity_px, floor)
         range_m = self._ranges(nearest_px, floor)
         free_z = self._free_depth(disparity_px, floor)
         fb = self._camera.focal_px * self._camera.baseline_m
@@ -56,14 +57,15 @@ class ScanMaker:
 
     # ------------------------------------------------------------------ obstacles
 
-    def _obstacles(self, disparity: np.ndarray, floor: FloorPlane) -> np.ndarray:
-        """Disparity (columns,) of the nearest obstacle in every column; 0 where there is none.
-
-        `disparity` holds every `ROW_PX`-th row.
-        """
+    def _obstacles(self, disparity_px: np.ndarray, floor: FloorPlane) -> np.ndarray:
+        """Disparity (columns,) of the nearest obstacle in every column; 0 where there is none."""
         low = self._config.min_obstacle_m / floor.height_m
         high = self._config.max_obstacle_m / floor.height_m
-        above = disparity - _ground(floor, self._u, self._v[::ROW_PX])
+        # However high and near, a thing that counts hides floor of no less disparity than that.
+        top_px = min(0.0, (1.0 - high) * self._config.max_disparity_px)
+        rows = self._rows_of_floor(floor, top_px, self._config.max_disparity_px)
+        disparity = disparity_px[rows][::ROW_PX]
+        above = disparity - _ground(floor, self._u, self._v[rows][::ROW_PX])
         with np.errstate(invalid="ignore"):
             votes = (above > np.float32(low) * disparity) & (above < np.float32(high) * disparity)
             votes &= (above > MIN_ABOVE_PX) & (disparity > self._min_px)
@@ -101,13 +103,14 @@ class ScanMaker:
         """How many image rows voted (columns, cells), neighbours in both counted as one.
 
         Matching errors run along rows, obstacles stand across them: a streak is one vote. Each
-        row is one bit, so that neighbours are joined and rows counted 64 at a time.
+        row is one bit, so that neighbours are joined and rows counted 16 at a time.
         """
-        shape = (math.ceil(len(self._v) / ROW_PX / 64), self._columns + 2, self._cells + 2)
-        voted = np.zeros(64 * math.prod(shape), np.uint8)
-        place = ((row // 64) * shape[1] + column + 1) * shape[2] + cell + 1
-        voted[place * 64 + row % 64] = 1
-        words = np.packbits(voted).view(np.uint64).reshape(shape)
+        groups = int(row.max(initial=0)) // 16 + 1
+        shape = (groups, self._columns + 2, self._cells + 2)
+        voted = np.zeros(16 * math.prod(shape), np.uint8)
+        place = ((row // 16) * shape[1] + column + 1) * shape[2] + cell + 1
+        voted[place * 16 + row % 16] = 1
+        words = np.packbits(voted).view(np.uint16).reshape(shape)
         words = words[:, :-2] | words[:, 1:-1] | words[:, 2:]
         words = words[:, :, :-2] | words[:, :, 1:-1] | words[:, :, 2:]
         return ROW_PX * np.bitwise_count(words).sum(axis=0, dtype=np.intp)
@@ -132,12 +135,14 @@ class ScanMaker:
 
     # ------------------------------------------------------------------ free floor
 
-    def _free_depth(self, disparity: np.ndarray, floor: FloorPlane) -> np.ndarray:
+    def _free_depth(self, disparity_px: np.ndarray, floor: FloorPlane) -> np.ndarray:
         """Depth z (columns,) up to which floor was seen without a long gap; 0: none.
 
         Far away, where rows are metres apart, every row counts.
         """
-        ground = _ground(floor, self._u, self._v)
+        rows = self._rows_of_floor(floor, self._min_px, self._config.max_disparity_px)
+        disparity = disparity_px[rows]
+        ground = _ground(floor, self._u, self._v[rows])
         tolerance = self._config.min_obstacle_m / floor.height_m
         with np.errstate(invalid="ignore"):
             flat = np.abs(disparity - ground) < np.maximum(np.float32(tolerance) * ground, FLOOR_PX)
@@ -168,6 +173,14 @@ class ScanMaker:
         open_so_far = np.logical_and.accumulate(free, axis=1)
         seen = np.any(open_so_far & (self._ray_z > 0.0), axis=1)
         return np.where(seen, np.max(np.where(open_so_far, self._ray_range, 0.0), axis=1), 0.0)
+
+    def _rows_of_floor(self, floor: FloorPlane, low_px: float, high_px: float) -> slice:
+        """Where the floor's disparity can lie between two values; begins with an even row."""
+        aside_px = abs(floor.slope_u) * float(np.abs(self._u[[0, -1]]).max()) + SPARE_PX
+        ends_px = np.array([low_px - aside_px, high_px + aside_px]) - floor.offset_px
+        low, high = ends_px / max(floor.slope_v, 1e-6) + self._camera.cy_px
+        first = min(max(math.floor(low), 0), len(self._v) - 1) // ROW_PX * ROW_PX
+        return slice(first, min(max(math.ceil(high) + 1, first + 1), len(self._v)))
 
     # ------------------------------------------------------------------ tables
 

@@ -120,7 +120,10 @@ class Tracker:
         half, wanted = lacking[0]
         room = np.zeros(image.shape, np.uint8)
         room[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX] = 255
-        for x, y in tracks.pixel.astype(int).tolist():
+        start, stop, _ = half.indices(len(image))
+        row = tracks.pixel[:, 1]
+        near = tracks.pixel[(row > start - SPACING_PX - 1) & (row < stop + SPACING_PX)]
+        for x, y in near.astype(int).tolist():
             cv2.circle(room, (x, y), SPACING_PX, 0, -1)
         new = self._corners(image[half], room[half], wanted) + np.array([0, half.start], np.float32)
         return Tracks(

@@ -76,7 +76,7 @@ def _fit(strength: np.ndarray, label: np.ndarray, box: np.ndarray, long: np.ndar
     for number in np.flatnonzero(long).tolist():
         left, top, wide, tall, _ = box[number].tolist()
         row, column = np.nonzero(label[top : top + tall, left : left + wide] == number)
-        members.append((row + top, column + left + 1))
+        members.append((row + top, column + left + 1))  # from its first row to its last
     count = len(members)
     which = np.repeat(np.arange(count), [len(row) for row, _ in members])
     row, column = (
@@ -97,8 +97,8 @@ def _fit(strength: np.ndarray, label: np.ndarray, box: np.ndarray, long: np.ndar
     dv, du = v - mean_v[which], u - mean_u[which]
     slope = mean(dv * du) / np.maximum(mean(dv * dv), 1e-9)
     rms = np.sqrt(mean((du - slope[which] * dv) ** 2))
-    top = np.array([HALVE * (m[0].min() % height) for m in members], int)
-    bottom = np.array([HALVE * (m[0].max() % height) + HALVE - 1 for m in members], int)
+    top = np.array([HALVE * (m[0][0] % height) for m in members], int)
+    bottom = np.array([HALVE * (m[0][-1] % height) + HALVE - 1 for m in members], int)
     good = (np.abs(slope) < MAX_SLOPE) & (rms < MAX_RMS_PX)
     return Lines(mean_u, mean_v, slope, top, bottom, sign, mean(middle))[good]
 

@@ -130,6 +130,16 @@ def test_sgbm_reaches_the_left_border(pair):
     assert np.mean(np.isfinite(found.disparity_px[:, 8:64])) > 0.9
 
 
+def test_sgbm_leaves_rows_unknown_that_nobody_needs(pair):
+    left, right, _ = pair
+    whole, part = (make_depth(PerceptionConfig(matcher="sgbm"), CAMERA, rows=n) for n in (None, 80))
+    all_rows, few = whole.match(left, right), part.match(left, right)
+    assert few.disparity_px.shape == all_rows.disparity_px.shape
+    assert not np.isfinite(few.disparity_px[80:]).any() and not few.confidence[80:].any()
+    known = np.isfinite(few.disparity_px[:80])
+    assert known.mean() > 0.9 * np.isfinite(all_rows.disparity_px[:80]).mean() > 0.0
+
+
 # ---------------------------------------------------------------- networks that do not fit
 
 

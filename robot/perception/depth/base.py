@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import cv2
 import numpy as np
 
 from robot.errors import FrameError
@@ -48,9 +49,15 @@ def disparity_map(
     """A map that keeps the contract: outside (0, max] there is no disparity and no confidence."""
     with np.errstate(invalid="ignore"):
         known = (disparity_px > 0.0) & (disparity_px <= max_disparity_px)
-    clean = np.where(known, disparity_px, np.float32(np.nan)).astype(np.float32)
     if confidence is None:
         trust = known.astype(np.float32)
     else:
-        trust = np.where(known, np.clip(confidence, 0.0, 1.0), 0.0).astype(np.float32)
-    return DisparityMap(t_ns, clean, trust)
+        trust = only(np.clip(confidence, 0.0, 1.0), known, 0.0)
+    return DisparityMap(t_ns, only(disparity_px, known, np.nan), trust)
+
+
+def only(values: np.ndarray, mask: np.ndarray, other: float) -> np.ndarray:
+    """`values` as float32 where the mask is set, `other` elsewhere; cheaper than `numpy.where`."""
+    values = np.ascontiguousarray(values, np.float32)
+    mask = np.ascontiguousarray(mask).view(np.uint8)
+    return cv2.copyTo(values, mask, np.full(values.shape, other, np.float32))

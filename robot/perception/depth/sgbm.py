@@ -17,11 +17,14 @@ class SgbmDepth:
     """Three-path SGBM with a small block, on pairs padded at the left.
 
     OpenCV leaves the first `max_disparity_px` columns empty; as many replicated columns move that
-    strip out of the image.
+    strip out of the image. Only the first `rows` are matched, if that is given.
     """
 
-    def __init__(self, camera: StereoCamera, max_disparity_px: int) -> None:
+    def __init__(
+        self, camera: StereoCamera, max_disparity_px: int, rows: int | None = None
+    ) -> None:
         self._camera, self._max_px = camera, max_disparity_px
+        self._rows = camera.height_px if rows is None else rows
         self._engine = cv2.StereoSGBM.create(
             minDisparity=0,
             numDisparities=max_disparity_px,
@@ -47,7 +50,10 @@ class SgbmDepth:
         check_pair(self._camera, left, right)
         pad = self._max_px
         wide = [
-            cv2.copyMakeBorder(image, 0, 0, pad, 0, cv2.BORDER_REPLICATE) for image in (left, right)
+            cv2.copyMakeBorder(image[: self._rows], 0, 0, pad, 0, cv2.BORDER_REPLICATE)
+            for image in (left, right)
         ]
         fixed = self._engine.compute(wide[0], wide[1])[:, pad:]
-        return disparity_map(t_ns, fixed.astype(np.float32) * _SCALE, self._max_px, None)
+        disparity = np.zeros(left.shape, np.float32)
+        np.multiply(fixed, _SCALE, out=disparity[: self._rows], casting="same_kind")
+        return disparity_map(t_ns, disparity, self._max_px, None)

@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from perception_views import CAMERA, DRIVE, view
 
-from robot.perception.floor import MAX_HEIGHT_CHANGE, Floor
+from robot.config import PerceptionConfig
+from robot.geometry.stereo import StereoCamera, base_from_cam
+from robot.perception.floor import MAX_HEIGHT_CHANGE, NOD_RAD, Floor, rows_above_near_floor
 
 MAX_PX = 64
 U = np.arange(CAMERA.width_px) - CAMERA.cx_px
@@ -78,3 +80,23 @@ def test_walls_furniture_and_rugs_hardly_tilt_the_floor() -> None:
     horizon = -plane.offset_px / plane.slope_v
     assert abs(horizon) < 2.0
     assert abs(plane.slope_u) < 0.02 * plane.slope_v  # 20 mrad: a rug on one side
+
+
+@pytest.mark.parametrize("pitch_deg", [-5.0, 0.0, 5.0])
+@pytest.mark.parametrize("max_px", [48, 64])
+def test_all_floor_that_can_be_matched_lies_in_the_rows_above_the_near_floor(
+    pitch_deg: float, max_px: int
+) -> None:
+    mount = base_from_cam(0.13, 0.03, 0.09, math.radians(pitch_deg))
+    camera = StereoCamera(320, 240, 228.0, 159.5, 119.5, 0.06, mount)
+    rows = rows_above_near_floor(camera, PerceptionConfig(max_disparity_px=max_px))
+    x_m = np.linspace(0.15, 4.0, 2000)
+    floor = np.stack([x_m, np.zeros_like(x_m), np.zeros_like(x_m)], axis=1)
+    _, v, d = camera.pixel_from_base(floor)
+    matched = v[d <= max_px].max()
+    assert matched + NOD_RAD * camera.focal_px < rows < matched + 12
+
+
+def test_a_camera_that_sees_no_near_floor_keeps_all_rows() -> None:
+    high = StereoCamera(320, 240, 228.0, 159.5, 119.5, 0.06, base_from_cam(0.0, 0.0, 1.0))
+    assert rows_above_near_floor(high, PerceptionConfig()) == 240
