@@ -15,8 +15,6 @@ from robot.geometry.se2 import SE2
 from robot.geometry.stereo import StereoCamera
 from robot.messages import StereoFrame
 
-ANSWER_TIMEOUT_S = 120.0  # the first picture waits for the compiler
-
 
 class RenderProcess:
     """Requests are answered in order; several may be under way. Raises SceneError if it dies."""
@@ -39,10 +37,11 @@ class RenderProcess:
             raise self._died() from None
 
     def result(self, yaw_change_rad: float = float("nan")) -> tuple[StereoFrame, np.ndarray]:
-        """Wait for the oldest request's frame and true disparity."""
+        """Wait for the oldest request's frame and true disparity.
+
+        However long it takes, as on a busy machine: only a dead process ends the wait.
+        """
         try:
-            if not self._pipe.poll(ANSWER_TIMEOUT_S):
-                raise EOFError
             t_ns, seq, shape = self._pipe.recv()
             left = np.frombuffer(self._pipe.recv_bytes(), np.uint8).reshape(shape)
             right = np.frombuffer(self._pipe.recv_bytes(), np.uint8).reshape(shape)
@@ -61,6 +60,7 @@ class RenderProcess:
             self._process.join()
 
     def _died(self) -> SceneError:
+        self._process.join(timeout=2.0)
         return SceneError(
             f"scene '{self._scene}': the renderer's process has ended (exit code "
             f"{self._process.exitcode}); run again, and if it ends again try another scene."
