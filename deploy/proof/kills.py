@@ -17,6 +17,7 @@ import random
 import signal
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +32,13 @@ from robot.geometry.se2 import SE2
 from robot.home import Home
 from robot.log.header import LogHeader
 from robot.log.reader import LogReader
-from robot.mapping.grid import GridMemory
-from robot.messages import Tick, WheelTravel
+from robot.mapping.grid import OccupancyGrid
+from robot.messages import Scan, Tick, WheelTravel
 from robot.perception.calibration import Eye, StereoCalibration
 from robot.perception.calibration_files import parse_calibration
 
 SEED = 7
+STEP_M = 2e-5  # from one round to the next, in all lengths that are written
 TICKS_PER_ROUND, SEGMENT_BYTES = 50, 20_000
 MATRIX = np.array([[456.0, 0.0, 319.5], [0.0, 456.0, 239.5], [0.0, 0.0, 1.0]])
 
@@ -48,10 +50,7 @@ class Card:
         self.store = HomeStore(folder / "home")
         self.settings, self.calibration = folder / "robot.toml", folder / "stereo.yaml"
         self.ring = folder / "ring"
-        cells = np.random.default_rng(SEED).normal(0.0, 1.0, (200, 200)).astype(np.float32)
-        self._home = dataclasses.replace(
-            Brain(Config()).home(), grid=GridMemory(0.05, 0, 0, cells, cells > 2.0)
-        )
+        self._home = dataclasses.replace(Brain(Config()).home(), grid=seen_grid().memory())
 
     def write(self, number: int, log: LogRing) -> None:
         """One round: a second of log, then every file anew."""
@@ -93,21 +92,34 @@ class Card:
             return max((round(event.left_m) for event in events), default=0)
 
 
+def seen_grid() -> OccupancyGrid:
+    """A map of eight metres by eight, all of it uneven."""
+    grid, rng = OccupancyGrid(Config().mapping), np.random.default_rng(SEED)
+    bearing_rad = np.linspace(-3.1, 3.1, 400)
+    for x_m, y_m in np.ndindex(3, 3):
+        range_m = rng.uniform(0.5, 2.5, len(bearing_rad))
+        grid.integrate(SE2(2.0 * x_m, 2.0 * y_m), Scan(bearing_rad, range_m, range_m))
+    return grid
+
+
 def metres(number: int) -> float:
     """Another length for every round, within what a configuration allows."""
-    return 0.05 + 1e-4 * number
+    return 0.05 + STEP_M * number
 
 
 def number_of(length_m: float) -> int:
-    return round((length_m - 0.05) / 1e-4)
+    return round((length_m - 0.05) / STEP_M)
 
 
-def write_until_killed(card: Card, first: int) -> None:
+def write_until_killed(card: Card, first: int, begun: Callable[[], None] = lambda: None) -> None:
+    """Round after round; `begun` is told of the first."""
     header = LogHeader(config_toml=dump_config(Config()))
     log = LogRing(card.ring, header, segment_bytes=SEGMENT_BYTES, segments=4)
     number = first
     while True:
         card.write(number, log)
+        if number == first:
+            begun()
         number += 1
 
 
@@ -125,6 +137,14 @@ def killed(card: Card, first: int, after_s: float) -> None:
     assert os.WIFSIGNALED(status), "the writer ended by itself"
 
 
+def compare(before: dict[str, int], now: dict[str, int]) -> None:
+    """Rounds before a kill and after it; AssertionError where a file has gone back."""
+    kept = {k: now[k] >= before.get(k, 0) for k in ("map", "settings", "calibration")}
+    assert all(kept.values()), f"older than before: {kept}"
+    begun = max(before.values(), default=0) + 1
+    assert now["log"] >= now["map"] or now["map"] < begun, "the log ends before the map"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--kills", type=int, default=200)
@@ -137,13 +157,10 @@ def main() -> None:
         log.close()
         before, caught = card.check(), 0
         for kill in range(kills):
-            begun = max(before.values()) + 1
-            killed(card, begun, wait.uniform(0.02, 0.4))
+            killed(card, max(before.values()) + 1, wait.uniform(0.02, 0.4))
             try:
                 now = card.check()
-                kept = {k: now[k] >= before[k] for k in ("map", "settings", "calibration")}
-                assert all(kept.values()), f"older than before: {kept}"
-                assert now["log"] >= now["map"] or now["map"] < begun, "the log ends before the map"
+                compare(before, now)
             except Exception as error:
                 raise SystemExit(f"kill {kill + 1}: {type(error).__name__}: {error}") from None
             caught += len(set(now.values())) > 1

@@ -1,18 +1,19 @@
 """`make service`: the real units under a real systemd as PID 1, killed, hung, broken, rolled back.
 
-In namespaces of its own (root, overlayfs, cgroup 2; nothing outside changes) `manage.py` installs a
-release whose program is `pid1_runtime.py`, then systemd boots into it. What is measured: how soon
-the wheels are stopped after kill -9 and the service is ready again, how soon a hang is caught, that
-a broken update is rolled back, and that a service that fails again and again ends in safe mode.
+In namespaces of its own (root, overlayfs, cgroup 2; nothing outside changes): `pid1_machine.py`.
+What is measured: how soon the wheels are stopped after kill -9 and the service is ready again, that
+no file is damaged by a kill amid writing (`--kills`), how soon a hang is caught, that a broken
+update is rolled back, and that a service that fails again and again ends in safe mode.
 Exit code 3 says that one of these is wrong; any other but 0, that this machine cannot show it.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import os
-import shutil
+import random
 import signal
 import subprocess
 import sys
@@ -20,14 +21,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-REPOSITORY = HERE.parents[1]
-sys.path.insert(0, str(HERE.parent))
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (0, 1)]
 import manage  # noqa: E402
+from pid1_machine import boot, build, checkout  # noqa: E402
 from slots import Slots  # noqa: E402
 
-TARGET = "trial.target"
-UNITS = "/run/systemd/system"
+KEPT = "var/lib/private/sweeper/trial"  # of the service's state, below its root
 STATE = (
     "ActiveState",
     "SubState",
@@ -37,127 +36,6 @@ STATE = (
     "StatusText",
     "ExecMainStatus",
 )
-
-
-def build(origin: Path, folder: Path) -> None:
-    """A release whose program is the stand-in, on the system's Python."""
-    (folder / "bin").mkdir(parents=True)
-    site = next((REPOSITORY / ".venv/lib").glob("python3.*/site-packages"))
-    program = folder / "bin/sweeper"
-    program.write_text(
-        f"#!/bin/sh\nPYTHONPATH={site}:{REPOSITORY} PYTHONDONTWRITEBYTECODE=1 "
-        f'exec /usr/bin/python3 {HERE}/pid1_runtime.py /opt/sweeper/releases/{folder.name} "$@"\n'
-    )
-    program.chmod(0o755)
-    if (origin / "broken").exists():
-        (folder / "broken").touch()
-
-
-def checkout(folder: Path, version: str, broken: bool = False) -> Path:
-    """As much of a checkout as is installed."""
-    for part in ("deploy", "systemd"):
-        shutil.copytree(REPOSITORY / part, folder / part, dirs_exist_ok=True)
-    (folder / "pyproject.toml").write_text(f'version = "{version}"\n')
-    (folder / "robot").mkdir(exist_ok=True)
-    if broken:
-        (folder / "broken").touch()
-    return folder
-
-
-# ---------------------------------------------------------------- inside the namespaces
-
-
-def lay_out(work: Path) -> Path:
-    """The machine's own root under a layer that is thrown away; /run, /tmp, /dev of its own."""
-
-    def mount(*words: str) -> None:
-        subprocess.run(["mount", *words], check=True)
-
-    mount("-t", "tmpfs", "tmpfs", str(work))
-    for name in ("upper", "inner", "root"):
-        (work / name).mkdir()
-    root = work / "root"
-    layers = f"lowerdir=/,upperdir={work}/upper,workdir={work}/inner"
-    mount("-t", "overlay", "overlay", "-o", layers, str(root))
-    mount("-t", "proc", "proc", str(root / "proc"))
-    for name in ("run", "tmp"):
-        mount("-t", "tmpfs", "tmpfs", str(root / name))
-    mount("-t", "tmpfs", "-o", "mode=755", "tmpfs", str(root / "dev"))
-    for name in ("null", "zero", "full", "random", "urandom", "tty"):
-        (root / "dev" / name).touch()
-        mount("--bind", f"/dev/{name}", str(root / "dev" / name))
-    for name in ("shm", "pts"):
-        (root / "dev" / name).mkdir()
-    mount("-t", "devpts", "-o", "newinstance,ptmxmode=0666", "devpts", str(root / "dev/pts"))
-    (root / "dev/ptmx").symlink_to("pts/ptmx")
-    mount("-t", "sysfs", "-o", "ro", "sysfs", str(root / "sys"))
-    mount("-t", "cgroup2", "cgroup2", str(root / "sys/fs/cgroup"))
-    return root
-
-
-def furnish(root: Path) -> None:
-    """Install, and a target that pulls in nothing but the robot's units."""
-    origin = checkout(root / "tmp/one", "0.1.0")
-    assert manage.main(["install", str(origin), "--root", str(root)], build) == 0
-    (root / "etc/sysusers.d").mkdir(exist_ok=True)
-    subprocess.run(["systemd-sysusers", f"--root={root}"], check=True, capture_output=True)
-    units = root / UNITS.lstrip("/")
-    units.mkdir(parents=True)
-    for unit in (root / "etc/systemd/system").glob("sweeper*.service"):
-        text = unit.read_text().replace("[Unit]", "[Unit]\nDefaultDependencies=no", 1)
-        text = text.replace("/bin/sleep 60", "/bin/sleep 3")  # a minute, for the trial
-        (units / unit.name).write_text(text)
-        unit.unlink()
-    (units / TARGET).write_text(
-        "[Unit]\nDefaultDependencies=no\nRequires=sweeper.service sweeper-good.service\n"
-    )
-    wants = units / "sweeper.service.wants"
-    wants.mkdir()
-    (wants / "sweeper-good.service").symlink_to(f"{UNITS}/sweeper-good.service")
-
-
-def listen(root: Path, target: Path) -> None:
-    """A console for systemd, kept in a file by a process of its own."""
-    mine, theirs = os.openpty()
-    (root / "dev/console").touch()
-    subprocess.run(["mount", "--bind", os.ttyname(theirs), str(root / "dev/console")], check=True)
-    if os.fork() == 0:
-        with open(target, "wb", buffering=0) as file:
-            while True:
-                try:
-                    file.write(os.read(mine, 4096))
-                except OSError:
-                    os._exit(0)
-
-
-def boot(work: Path) -> None:
-    """Becomes systemd; the trials go on beside it."""
-    root = lay_out(work)
-    furnish(root)
-    listen(root, work.parent / "pid1.console")
-    if os.fork() == 0:
-        try:
-            code = 0
-            result = trials(root)
-            (work.parent / "pid1.json").write_text(json.dumps(result, indent=2))
-        except BaseException as error:
-            (work.parent / "pid1.json").write_text(
-                json.dumps({"failed": repr(error), "wrong": isinstance(error, AssertionError)})
-            )
-            code = 1
-        finally:
-            os.kill(1, signal.SIGRTMIN + 14)  # systemd: power off now
-        os._exit(code)
-    os.chroot(root)
-    os.chdir("/")
-    environment = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "container": "trial",
-                   "SYSTEMD_UNIT_PATH": f"{UNITS}:"}  # fmt: skip
-    words = ["--log-target=console", "--log-level=info", "--show-status=no"]
-    program = "/lib/systemd/systemd"
-    os.execve(program, ["systemd", "--system", f"--unit={TARGET}", *words], environment)
-
-
-# ---------------------------------------------------------------- the trials
 
 
 class Service:
@@ -199,7 +77,7 @@ class Service:
         return Path(os.readlink(self.root / "opt/sweeper/current")).name[:5]
 
 
-def trials(root: Path) -> dict[str, object]:
+def trials(root: Path, kills: int) -> dict[str, object]:
     """All of them, one after the other."""
     service = Service(root)
     result: dict[str, object] = {}
@@ -208,6 +86,7 @@ def trials(root: Path) -> dict[str, object]:
     service.until(lambda: bool(service.show("StatusText")), 5.0, "a status")
     result["status"] = service.show("StatusText")
     result["kill_9"] = [interrupted(service, kill) for _ in range(3)]
+    result["killed_while_writing"] = killed_while_writing(service, kills)
     result["hang"] = [interrupted(service, hang)]
     rolled_back(service, result)
     result["safe_mode"] = ends_in_safe_mode(service)
@@ -232,6 +111,29 @@ def interrupted(service: Service, how: Callable[[Service], None]) -> dict[str, f
     (service.folder / "hang").unlink(missing_ok=True)
     service.until(lambda: service.ready() and service.main_pid() not in (0, pid), 40.0, "ready")
     return {"stopped_s": round(stopped_s, 2), "ready_s": round(time.monotonic() - start_s, 2)}
+
+
+def killed_while_writing(service: Service, kills: int) -> dict[str, int]:
+    """Kill -9 amid writing; every file is whole then, and none older than before."""
+    from kills import Card, compare
+
+    service.until(lambda: Slots(service.root).on_trial() is None, 40.0, "a good minute (here 3 s)")
+    wait, write = random.Random(kills), service.folder / "write"
+    card, amid = Card(service.root / KEPT), 0
+    before: dict[str, int] = {}
+    for _ in range(kills):
+        start_s = time.monotonic()
+        write.touch()  # who has been started since begins to write
+        service.until(lambda s=start_s: service.noted_s("written") > s, 60.0, "written")
+        time.sleep(wait.uniform(0.0, 0.4))
+        write.unlink()
+        kill(service)
+        now = card.check()
+        compare(before, now)
+        amid += len(set(now.values())) > 1
+        before = now
+        systemctl(service, "reset-failed", "sweeper.service")
+    return {"kills": kills, "whole": kills, "amid_a_round": amid}
 
 
 def rolled_back(service: Service, result: dict[str, object]) -> None:
@@ -276,11 +178,12 @@ def ends_in_safe_mode(service: Service) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--work", type=Path, default=Path("build/proof"))
+    parser.add_argument("--kills", type=int, default=5, help="kill -9 so often amid writing")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     work = given.work.resolve() / "pid1"
     if given.inside:
-        boot(work)
+        boot(work, functools.partial(trials, kills=given.kills))
         return
     work.mkdir(parents=True, exist_ok=True)
     answer = work.parent / "pid1.json"
@@ -289,8 +192,8 @@ def main() -> None:
     subprocess.run(
         ["unshare", "--kill-child", "--mount", "--pid", "--fork", "--uts", "--ipc", "--cgroup",
          "--propagation", "private", sys.executable, __file__, "--work", str(given.work),
-         "--inside"],
-        stdin=subprocess.DEVNULL, check=False, timeout=280,
+         "--kills", str(given.kills), "--inside"],
+        stdin=subprocess.DEVNULL, check=False, timeout=280 + 30 * given.kills,
     )  # fmt: skip
     if not answer.exists():
         raise SystemExit(f"systemd did not come up; see {console}")
