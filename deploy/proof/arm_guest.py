@@ -20,6 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 SECONDS, WARM, COUNTED = 25, 8, 8
@@ -155,6 +156,7 @@ def live(drive: dict[str, Any], meter: Meter, matcher: str = "sgbm") -> int:
 
 def main() -> None:
     """`sights FILE` or `drive FILE`: print what was compared, and what the marks stand for."""
+    cv2.setNumThreads(1)  # the plugin counts for all threads together, without a lock
     what, recorded = sys.argv[1], pickle.loads(Path(sys.argv[2]).read_bytes())
     meter, start_s = Meter(), time.process_time()
     compared = look(recorded, meter) if what == "sights" else {}
