@@ -15,6 +15,8 @@ from robot.geometry.se2 import SE2
 from robot.geometry.stereo import StereoCamera
 from robot.messages import StereoFrame
 
+ENDING_S = 10.0  # between closing the pipe and the end of the process
+
 
 class RenderProcess:
     """Requests are answered in order; several may be under way. Raises SceneError if it dies."""
@@ -60,10 +62,12 @@ class RenderProcess:
             self._process.join()
 
     def _died(self) -> SceneError:
-        self._process.join(timeout=2.0)
+        self._process.join(timeout=ENDING_S)
+        code = self._process.exitcode
+        end = "is still ending" if code is None else f"has ended (exit code {code})"
         return SceneError(
-            f"scene '{self._scene}': the renderer's process has ended (exit code "
-            f"{self._process.exitcode}); run again, and if it ends again try another scene."
+            f"scene '{self._scene}': the renderer's process {end} and draws nothing more; run "
+            "again, and if that happens again try another scene or a machine that is less busy."
         )
 
 

@@ -120,3 +120,15 @@ def test_a_renderer_that_has_died_is_reported_in_one_sentence(config, camera):
         process.request(0, 0, SE2())
         process.result()
     process.close()
+
+
+def test_a_renderer_that_takes_long_to_end_is_not_called_dead(config, camera, monkeypatch):
+    """On a machine without time for it, its line breaks long before it has ended."""
+    monkeypatch.setattr("robot.sim.render_process.ENDING_S", 0.01)
+    process = RenderProcess("studio", camera, config.sim, 1)
+    try:
+        process._pipe.close()
+        with pytest.raises(SceneError, match=r"process is still ending and draws nothing more"):
+            process.request(0, 0, SE2())
+    finally:
+        process.close()
