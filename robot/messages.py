@@ -165,7 +165,10 @@ class Seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
-    """Occupancy in `world`: int8 (rows = y, columns = x), -1 unknown, 0 free, 100 occupied."""
+    """Occupancy in `world`: int8 (rows = y, columns = x), -1 unknown, else percent filled.
+
+    A cell is free below 50 and occupied from there on; between 0 and 100 a face stands in it.
+    """
 
     resolution_m: float
     origin_x_m: float  # outer corner of cell (0, 0)

@@ -84,8 +84,8 @@ class Follower:
                 next_m = track.station_m[k] + every_m
         return np.array(points).reshape(-1, 2)
 
-    def steer(self, pose: SE2) -> Steering:
-        """Speeds for the pose now, in the frame of the path."""
+    def steer(self, pose: SE2, aside_m: float = 0.0) -> Steering:
+        """Speeds for the pose now, in the frame of the path; `aside_m` to the left of the path."""
         if self.done:
             return Steering(0.0, 0.0)
         self._advance(pose)
@@ -96,7 +96,7 @@ class Follower:
                 self._i -= 1
                 self.done = True
                 return Steering(0.0, 0.0)
-        return self._drive(pose)
+        return self._drive(pose, aside_m)
 
     # ------------------------------------------------------------------ progress
 
@@ -146,12 +146,12 @@ class Follower:
 
     # ------------------------------------------------------------------ steering
 
-    def _drive(self, pose: SE2) -> Steering:
+    def _drive(self, pose: SE2, aside_m: float) -> Steering:
         track, control, i = self._track, self._control, self._i
         yaw = track.yaw_rad[i]
         c, s = math.cos(yaw), math.sin(yaw)
         self.lateral_m = -s * (pose.x_m - track.x_m[i]) + c * (pose.y_m - track.y_m[i])
-        wished = yaw - math.atan2(self.lateral_m, control.lookahead_m)
+        wished = yaw - math.atan2(self.lateral_m - aside_m, control.lookahead_m)
         error = wrap_angle(wished - pose.yaw_rad)
         if self._turning or abs(error) > control.turn_in_place_rad:
             self._turning = abs(error) > FACING_RAD

@@ -24,6 +24,8 @@ NEAR_M = 0.7
 SQUARE_M = 0.015
 REFUTE_M = 0.08  # floor must be seen this far behind a point to forget it
 WITNESSES = 3  # so many points make an obstacle, fewer are noise
+BESIDE_M, BESIDE_BACK_M, BESIDE_AHEAD_M = 0.06, 0.05, 0.18
+BESIDE_SHARE = 0.25
 STRAIGHT_RADPM = 1e-3  # a smaller curvature is a straight line
 
 
@@ -158,6 +160,19 @@ class Sight:
                 slim_m = free_on_arc_m(x, y, curvature, slim, witnesses) - self._control.graze_m
                 body_m = min(body_m, max(0.0, slim_m))
         return Corridor(body_m, graze_m)
+
+    def room_beside_m(self, odom_from_base: SE2, side: int) -> float:
+        """Between the robot's flank and what was seen beside it; NaN: nothing within `BESIDE_M`.
+
+        `side` is +1 left, -1 right. What is a little ahead counts, as the robot will be there soon;
+        the most it comes nearer is where a good part of the points begins.
+        """
+        points = odom_from_base.inverse().apply(self._near_m)
+        x, room_m = points[:, 0], points[:, 1] * side - self._robot.radius_m
+        beside = (x > -BESIDE_BACK_M) & (x < BESIDE_AHEAD_M) & (np.abs(room_m) < BESIDE_M)
+        if np.count_nonzero(beside) < WITNESSES:
+            return math.nan
+        return float(np.quantile(room_m[beside], BESIDE_SHARE))
 
     def nearest_ahead_m(self, odom_from_base: SE2, free_m: float, direction: int) -> np.ndarray:
         """Points (n, 2) of `odom` that the robot would touch within `free_m` straight on."""

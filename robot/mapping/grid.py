@@ -16,18 +16,20 @@ import numpy as np
 
 from robot.config import MappingConfig
 from robot.geometry.se2 import SE2
+from robot.mapping.fronts import Fronts
 from robot.mapping.raster import Window, grown, moved, window_around
 from robot.messages import Grid, Scan
 
-UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+UNKNOWN = -1
 _NEAR_M = 0.02  # nearer than this before the eye nothing can be seen
 _RIM_M = 0.05  # slack for the pose's error when a touched place is found to be free
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GridMemory:
-    """A grid to begin with: evidence float32 and touched cells bool, both (rows, columns).
+    """A grid to begin with: evidence float32, touched cells bool, faces float32, (rows, columns).
 
+    `behind_m` is how far a cell's centre lies behind the face of matter, NaN where that is unknown.
     Cell (0, 0) has its outer corner at (`ix0`, `iy0`) times `resolution_m` in `world`.
     """
 
@@ -36,6 +38,7 @@ class GridMemory:
     iy0: int
     log_odds: np.ndarray
     sticky: np.ndarray
+    behind_m: np.ndarray
 
 
 class OccupancyGrid:
@@ -51,6 +54,7 @@ class OccupancyGrid:
         self._window = Window(0, 0, 0, 0)
         self._log_odds = np.zeros((0, 0), np.float32)
         self._sticky = np.zeros((0, 0), bool)
+        self._fronts = Fronts(config.resolution_m)
         step_m = config.resolution_m * 0.8
         self._radii_m = np.arange(step_m / 2.0, config.max_range_m, step_m, dtype=np.float32)
         # Evidence fades with the square of the distance, as the precision of stereo does.
@@ -62,6 +66,7 @@ class OccupancyGrid:
         window, flat, value = self._rays(world_from_base, scan)
         if flat.size == 0 or not self._reserve(window):
             return
+        self._fronts.add(world_from_base @ SE2(*self._eye_m), self._ends_m(scan))
         cells = window.shape[0] * window.shape[1]
         count = np.bincount(flat, minlength=cells)
         # In one cell of one scan, matter outweighs the rays that pass beside it: a chair leg is
@@ -73,8 +78,16 @@ class OccupancyGrid:
         part += change.reshape(window.shape).astype(np.float32)
         np.clip(part, -self._config.max_free, self._config.max_occupied, out=part)
 
-    def mark_obstacle(self, points_m: np.ndarray) -> None:
-        """Points (n, 2) in `world` where something was touched (bumper, cliff): stays for good."""
+    def _ends_m(self, scan: Scan) -> np.ndarray:
+        """Where the rays ended, (n, 2) in the eye's frame."""
+        polar = np.asarray(scan.range_m, float)
+        return np.stack([polar * f(scan.bearing_rad) for f in (np.cos, np.sin)], 1) - self._eye_m
+
+    def mark_obstacle(self, points_m: np.ndarray, inward: np.ndarray | None = None) -> None:
+        """Points (n, 2) in `world` where something was touched (bumper, cliff): stays for good.
+
+        `inward` (2,) is given where the points lie on its face, and points into it.
+        """
         points = np.asarray(points_m, dtype=float).reshape(-1, 2)
         points = points[np.isfinite(points).all(axis=1)]
         if len(points) == 0:
@@ -84,6 +97,8 @@ class OccupancyGrid:
         if self._reserve(window_around(low[0], low[1], high[0], high[1], res)):
             index = np.floor(points / res).astype(int)
             self._sticky[index[:, 1] - self._window.iy0, index[:, 0] - self._window.ix0] = True
+            if inward is not None:
+                self._fronts.touch(points, inward)
 
     def clear_footprint(self, world_from_base: SE2, radius_m: float) -> None:
         """Where the robot stands there is floor; what was touched at its rim stays an obstacle.
@@ -108,11 +123,18 @@ class OccupancyGrid:
             np.flatnonzero(((self._log_odds != 0.0) | self._sticky).any(axis=a)) for a in (1, 0)
         )
         if len(rows) == 0:
-            return GridMemory(self._config.resolution_m, 0, 0, *_no_cells())
+            none = np.zeros((0, 0), np.float32)
+            return GridMemory(self._config.resolution_m, 0, 0, none, none.astype(bool), none)
         part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
         ix0, iy0 = self._window.ix0 + int(columns[0]), self._window.iy0 + int(rows[0])
-        log_odds, sticky = self._log_odds[part].copy(), self._sticky[part].copy()
-        return GridMemory(self._config.resolution_m, ix0, iy0, log_odds, sticky)
+        return GridMemory(
+            self._config.resolution_m,
+            ix0,
+            iy0,
+            self._log_odds[part].copy(),
+            self._sticky[part].copy(),
+            self._fronts.memory()[part],
+        )
 
     def restore(self, memory: GridMemory) -> None:
         """Begin with `memory`; one of another resolution is not known and leaves nothing."""
@@ -122,14 +144,15 @@ class OccupancyGrid:
         self._window = Window(memory.ix0, memory.iy0, memory.ix0 + columns, memory.iy0 + rows)
         self._log_odds = memory.log_odds.astype(np.float32)
         self._sticky = memory.sticky.astype(bool)
+        self._fronts.restore(self._window, memory.behind_m)
 
     def snapshot(self) -> Grid:
         """The grid as a message, cut to what is known (at least one cell)."""
         known = (self._log_odds <= -self._config.free_below) | self._sticky
         occupied = (self._log_odds >= self._config.occupied_above) | self._sticky
         cells = np.full(known.shape, UNKNOWN, np.int8)
-        cells[known] = FREE
-        cells[occupied] = OCCUPIED
+        seen = known | occupied
+        cells[seen] = np.rint(self._fronts.filled(occupied)[seen]).astype(np.int8)
         rows = np.flatnonzero((cells != UNKNOWN).any(axis=1))
         columns = np.flatnonzero((cells != UNKNOWN).any(axis=0))
         res = self._config.resolution_m
@@ -192,9 +215,6 @@ class OccupancyGrid:
         new = grown(self._window if self._log_odds.size else wanted, wanted)
         self._log_odds = moved(self._log_odds, self._window, new)
         self._sticky = moved(self._sticky, self._window, new)
+        self._fronts.follow(new)
         self._window = new
         return True
-
-
-def _no_cells() -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros((0, 0), np.float32), np.zeros((0, 0), bool)

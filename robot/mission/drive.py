@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from robot.config import RobotConfig
 from robot.control.follow import Follower
+from robot.control.limits import clamp
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import SE2
 from robot.messages import Grid, Path
@@ -16,6 +20,10 @@ LOOK_AHEAD_M = 0.7
 LOOK_EVERY_S = 0.4
 SLACK_M = 0.05  # the map may touch the body by so much before the path counts as blocked
 OFF_PATH_M = 0.35
+BACK_ROUND_RADPS = 0.8
+EDGE_ROOM_M = 0.010  # between the robot and what it drives along
+ASIDE_M = 0.04  # farther from its path it does not go for that
+ASIDE_GAIN = 0.1  # of the way there, from tick to tick
 
 
 class Drive:
@@ -25,6 +33,7 @@ class Drive:
         self._follower = Follower(path, now.pose, now.control, now.robot)
         self._cleans = cleans
         self._reason = "sweeping" if cleans else "on the way"
+        self._aside_m = 0.0  # where it drives, left of the path
         self._stopped_ns: int | None = None
         self._looked_ns = now.t_ns
         self.blocked = ""
@@ -41,7 +50,9 @@ class Drive:
 
     def tick(self, now: Situation) -> Wish:
         """The wish for this tick."""
-        steering = self._follower.steer(now.pose)
+        if self._cleans:
+            self._aside_m += ASIDE_GAIN * (self._beside(now) - self._aside_m)
+        steering = self._follower.steer(now.pose, self._aside_m)
         if abs(self._follower.lateral_m) > OFF_PATH_M:
             self.blocked = "the robot is far from its path"
         self._watch_gate(now, steering.v_mps)
@@ -60,6 +71,23 @@ class Drive:
             brush = fan = 0.0
         return Wish(steering.v_mps, steering.yaw_rate_radps, brush, fan, self._reason)
 
+    def _beside(self, now: Situation) -> float:
+        """Where beside the path to drive, left of it: along what is seen there.
+
+        The map may be off by more than the room that a wall is passed with; what the eyes have just
+        seen beside the robot is not.
+        """
+        odom, sight = now.odom, now.gate.sight
+        left_m, right_m = sight.room_beside_m(odom, 1), sight.room_beside_m(odom, -1)
+        if math.isnan(left_m) and math.isnan(right_m):
+            return 0.0
+        to_left_m, to_right_m = left_m - EDGE_ROOM_M, right_m - EDGE_ROOM_M
+        if math.isnan(left_m):
+            to_left_m = -to_right_m
+        elif not math.isnan(right_m):
+            to_left_m = (left_m - right_m) / 2.0
+        return clamp(self._follower.lateral_m + to_left_m, ASIDE_M)
+
     def _watch_gate(self, now: Situation, v_mps: float) -> None:
         """Something right before the robot for some time blocks the path."""
         if v_mps <= 0.0 or now.gate.verdict.free_m > BLOCKED_FREE_M:
@@ -68,6 +96,15 @@ class Drive:
             self._stopped_ns = now.t_ns
         elif seconds(self._stopped_ns, now.t_ns) >= BLOCKED_S:
             self.blocked = "something stands right before the robot"
+
+
+def back_round(robot: RobotConfig, way: float, reason: str) -> Wish:
+    """One wheel backs, the robot turns left (`way` 1) or right (-1): out of what its side touches.
+
+    Backing straight would rub along a wall, and nothing else is allowed with the bumper pressed.
+    """
+    v_mps = -1.1 * BACK_ROUND_RADPS * robot.track_width_m / 2.0
+    return Wish(v_mps, way * BACK_ROUND_RADPS, reason=reason)
 
 
 def meets_matter(points_m: np.ndarray, grid: Grid, radius_m: float) -> bool:

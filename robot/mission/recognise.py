@@ -61,7 +61,8 @@ def _near_matter(grid: Grid, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarr
     near, free = np.zeros(len(points_m), bool), np.zeros(len(points_m), bool)
     if not inside.any():
         return near, free
-    free[inside] = grid.cells[cells[inside, 1], cells[inside, 0]] == 0
+    there = grid.cells[cells[inside, 1], cells[inside, 0]]
+    free[inside] = (there >= 0) & (there < 50)
     pad = math.ceil(NEAR_M / res)
     low = np.maximum(cells[inside].min(axis=0) - pad, 0)
     high = cells[inside].max(axis=0) + pad + 1

@@ -85,6 +85,23 @@ def distance_m(blocked: np.ndarray, cell_m: float) -> np.ndarray:
     return (cells - 0.5) * np.float32(cell_m)
 
 
+def face_distance_m(filled: np.ndarray, cell_m: float) -> np.ndarray:
+    """From each cell's centre to the face of the nearest matter, metres (float32).
+
+    `filled` is the percent of each cell that matter fills; of a cell that is in part filled the
+    face is taken to stand across the way to it.
+    """
+    clear = np.where(filled > 0, 0, 255).astype(np.uint8)
+    if clear.all():
+        return np.full(filled.shape, 1e3, np.float32)
+    _, nearest = cv2.distanceTransformWithLabels(
+        clear, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    beyond = np.zeros(int(nearest.max()) + 1, np.float32)
+    beyond[nearest[clear == 0]] = 1.0 - filled[clear == 0] / np.float32(100.0)
+    return distance_m(clear == 0, cell_m) + beyond[nearest] * np.float32(cell_m)
+
+
 def large_things(matter: np.ndarray, cell_m: float) -> np.ndarray:
     """Matter without what is smaller than `SMALL_M` both ways: legs, cables, specks."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(matter.astype(np.uint8), connectivity=8)
@@ -132,10 +149,12 @@ def build_space(
     occupied = np.pad(occupied, pad)
     unknown = np.pad(unknown, pad, constant_values=True)
     covered = np.pad(covered, pad)
-    large, seen = large_things(occupied, res), distance_m(unknown, res)
+    seen = distance_m(unknown, res)
+    filled = np.pad(np.maximum(grid.cells, 0), pad)
+    large = large_things(filled > 0, res)
     # A leg's far side is known last: keep off it a little more than off a wall.
     thin = distance_m(occupied & ~large, res) - np.float32(planning.thin_margin_m)
-    clearance = np.minimum(distance_m(large, res), thin)
+    clearance = np.minimum(face_distance_m(np.where(large, filled, 0), res), thin)
     origin = np.array([grid.origin_x_m, grid.origin_y_m]) - pad * res
 
     cell_m = res / math.ceil(res / PLAN_CELL_M - 1e-9)

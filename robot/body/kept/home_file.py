@@ -28,13 +28,14 @@ FORMAT = 1
 _MAX_BYTES = 64_000_000
 _MAX_CELLS = 4000  # along one side: 200 m
 _SLAM = ("state", "kind", "height_m", "sightings", "visits", "signature", "signature_of")
+_GRID = ("log_odds", "sticky", "behind_m")
 _DTYPE: dict[str, type] = {
     "slam.state": np.float64, "slam.cov": np.float64, "slam.kind": np.uint8,
     "slam.height_m": np.float64, "slam.sightings": np.int32, "slam.visits": np.int32,
     "slam.signature": np.uint8, "slam.signature_of": np.int32,
     "places.xy_m": np.float64, "places.height_m": np.float64, "places.signature": np.uint8,
     "places.kind": np.uint8, "places.sightings": np.int32,
-    "grid.log_odds": np.float32, "grid.sticky": np.bool_,
+    "grid.log_odds": np.float32, "grid.sticky": np.bool_, "grid.behind_m": np.float32,
 }  # fmt: skip
 
 
@@ -44,7 +45,7 @@ def encode_home(home: Home) -> bytes:
     arrays = {f"slam.{name}": getattr(slam, name) for name in _SLAM}
     arrays["slam.cov"] = slam.cov[np.triu_indices(len(slam.cov))]
     arrays |= {f"places.{f.name}": getattr(slam.places, f.name) for f in fields(PlacePoints)}
-    arrays |= {"grid.log_odds": grid.log_odds, "grid.sticky": grid.sticky}
+    arrays |= {f"grid.{name}": getattr(grid, name) for name in _GRID}
     about = {
         "format": FORMAT,
         "marker_known": slam.marker_known,
@@ -69,7 +70,9 @@ def decode_home(data: bytes, name: str) -> Home:
         raise MapError(f"{name}: is too large for a map of a home; {remedy}.")
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in (*_DTYPE, "about")}
+            arrays = {key: archive[key] for key in (*_DTYPE, "about") if key in archive}
+        if "grid.behind_m" not in arrays:  # older files hold none
+            arrays["grid.behind_m"] = np.full_like(arrays["grid.log_odds"], np.nan)
         about = json.loads(arrays.pop("about").tobytes())
         if about["format"] != FORMAT:
             raise MapError(
@@ -97,6 +100,7 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
         "slam.cov": (n * (n + 1) // 2,), "places.xy_m": (p, 2), "places.height_m": (p,),
         "places.signature": (p, SIGNATURE_BYTES), "places.kind": (p,), "places.sightings": (p,),
         "grid.sticky": arrays["grid.log_odds"].shape,
+        "grid.behind_m": arrays["grid.log_odds"].shape,
     }  # fmt: skip
     if any(arrays[key].shape != shape for key, shape in shapes.items()) or n < 10 or n % 2:
         raise ValueError("wrong shape")
@@ -120,7 +124,7 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
             **{key: arrays[f"slam.{key}"] for key in _SLAM},
         ),
         grid=GridMemory(
-            float(about["resolution_m"]), ix0, iy0, arrays["grid.log_odds"], arrays["grid.sticky"]
+            float(about["resolution_m"]), ix0, iy0, *(arrays[f"grid.{name}"] for name in _GRID)
         ),
         world_from_docked=_pose(about["world_from_docked"]),
         docked_from_marker=_pose(about["docked_from_marker"]) or SE2(),

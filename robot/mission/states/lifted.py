@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from robot.control.wish import Wish, halt
+from robot.mission.drive import back_round
 from robot.mission.state import Latch, Name, Situation, State, Step, seconds
 from robot.mission.states.rest import give_up
 
@@ -29,7 +30,7 @@ class Lifted(State):
 
     def enter(self, now: Situation) -> None:
         now.desk.drop()
-        self._latch = Latch()
+        self._latch, self._way = Latch(), 1.0
         self._held_ns = self._since_ns = now.t_ns
         self._down_ns: int | None = None
         self._from_rad = now.turned_rad
@@ -62,7 +63,11 @@ class Lifted(State):
             return give_up(
                 f"{self.happened} at a place that it does not recognise; carry it to its dock"
             )
-        return Step(Wish(0.0, TURN_RADPS, reason=f"{self.happened}, looking where"))
+        looking = f"{self.happened}, looking where"
+        if now.touching:
+            self._way = -1.0 if now.contact.bump_left else 1.0
+            return Step(back_round(now.robot, self._way, looking))
+        return Step(Wish(0.0, self._way * TURN_RADPS, reason=looking))
 
 
 class Lost(Lifted):

@@ -8,8 +8,8 @@ import numpy as np
 
 from robot.control.follow import turn_rate_radps
 from robot.control.wish import Wish, halt
-from robot.geometry.se2 import wrap_angle
-from robot.mission.drive import matter_near
+from robot.geometry.se2 import SE2, wrap_angle
+from robot.mission.drive import back_round, matter_near
 from robot.mission.ladder import (
     RETRACE_FROM,
     RUNGS,
@@ -26,13 +26,15 @@ from robot.mission.states.rest import give_up
 
 BACK_MPS = 0.08
 TURN_DONE_RAD = 0.1
-PIVOT_RADPS, PIVOT_FREE_S = 0.8, 0.2
+PIVOT_FREE_S = 0.2
 WIGGLE_RADPS, WIGGLE_MPS, WIGGLE_EVERY_S = 1.0, 0.06, 0.6
 RETRACE_M = 0.4
 RETRACE_ENCLOSED_M = 1.5
 GRAZE_BACK_M, GRAZE_TURN_RAD = 0.03, 0.25  # a wall brushed with one side needs no more
-SIDES_RAD = {"left": (0.0, 1.5), "right": (-1.5, 0.0), "front": (-0.5, 0.5)}
+SIDES_RAD = {"left": (0.0, 1.8), "right": (-1.8, 0.0), "front": (-0.5, 0.5)}
+USUAL = 0.7  # where on a side it is touched when nothing is known: most touches are brushed walls
 TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was touched
+TOUCH_DEPTH_M = 0.015  # the nearest of it, as thick as the map is unsure: its middle was touched
 TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
 TOUCH_HALF_M = 0.025  # half the width of what is marked at least
 STRIP_M = 0.3  # of a wall, to either side: who drives along it would touch it again and again
@@ -119,8 +121,7 @@ class Recover(State):
             self._next(now, "turn")
         if now.contact.bump_left != now.contact.bump_right:
             self._pivot_way = -1.0 if now.contact.bump_left else 1.0
-        v_mps = -1.1 * PIVOT_RADPS * now.robot.track_width_m / 2.0
-        return Step(Wish(v_mps, self._pivot_way * PIVOT_RADPS, reason="turning out of a corner"))
+        return Step(back_round(now.robot, self._pivot_way, "turning out of a corner"))
 
     def _turn(self, now: Situation) -> Step:
         error = wrap_angle(self._turn_to_rad - now.odom.yaw_rad)
@@ -192,7 +193,7 @@ class Recover(State):
         if self._kind in ("bump", "stuck") or held:
             side = "front" if contact.bump_left == contact.bump_right else "left"
             side = "right" if side == "left" and contact.bump_right else side
-            now.grid.mark_obstacle(_touched(now, *SIDES_RAD[side]))
+            now.grid.mark_obstacle(*_touched(now, *SIDES_RAD[side]))
         elif self._kind == "cliff":
             now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
         elif self._kind == "blocked":
@@ -201,14 +202,14 @@ class Recover(State):
             now.grid.mark_obstacle(world_from_odom.apply(points))
 
 
-def _touched(now: Situation, low_rad: float, high_rad: float) -> np.ndarray:
-    """Points (n, 2) of `world` where the bumper met something between two bearings.
+def _touched(now: Situation, low_rad: float, high_rad: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 2) of `world` where the bumper met something between two bearings, and its normal.
 
     If the map knows matter close to the rim there, that is what was touched, and as much of it as
     lies along the touched tangent within `STRIP_M` is moved there: the map was off. Otherwise the
     middle of the side is as good a guess as any. Marking more would close narrow passages.
     """
-    guess = 0.4 * (low_rad + high_rad)
+    guess = USUAL * (low_rad + high_rad)
     rim_m = now.robot.radius_m + TOUCH_GAP_M
     known = matter_near(now.view, now.pose, rim_m + STRIP_M)
     at = now.pose.inverse().apply(known)
@@ -216,13 +217,13 @@ def _touched(now: Situation, low_rad: float, high_rad: float) -> np.ndarray:
     close = away < now.robot.radius_m + TOUCH_REACH_M
     close &= (bearing >= low_rad - 0.1) & (bearing <= high_rad + 0.1)
     if close.any():
-        guess = float(bearing[close][np.argmin(away[close])])
+        guess = float(bearing[close & (away < away[close].min() + TOUCH_DEPTH_M)].mean())
     normal = np.array([math.cos(guess), math.sin(guess)])
     tangent = np.array([-normal[1], normal[0]])
     beyond, along = at @ normal - rim_m, at @ tangent
     wall = (np.abs(beyond) < TOUCH_REACH_M) & (np.abs(along) < STRIP_M)
     strip = np.outer(np.append(along[wall], [-TOUCH_HALF_M, 0.0, TOUCH_HALF_M]), tangent)
-    return now.pose.apply(strip + rim_m * normal)
+    return now.pose.apply(strip + rim_m * normal), SE2(yaw_rad=now.pose.yaw_rad).apply(normal)
 
 
 def _rim(now: Situation, bearing: np.ndarray, beyond_m: float) -> np.ndarray:

@@ -63,7 +63,7 @@ class Life:
 
 
 def occupied(grid: Grid) -> np.ndarray:
-    ys, xs = np.nonzero(grid.cells == 100)
+    ys, xs = np.nonzero(grid.cells >= 50)
     res = grid.resolution_m
     return np.stack(
         [(xs + 0.5) * res + grid.origin_x_m, (ys + 0.5) * res + grid.origin_y_m], axis=-1
