@@ -69,7 +69,7 @@ class Confidence:
 
     def _unique(self, seen: np.ndarray, disparity: np.ndarray) -> np.ndarray:
         """Whether a pixel lies in the right image, and nothing nearer claims its place there."""
-        target = (self._row_start + np.rint(np.maximum(seen, 0.0))).astype(np.intp)
+        target = (self._row_start + np.rint(_positive(seen))).astype(np.intp)
         nearest = np.empty(disparity.size, np.float32)
         # Of pixels with one target the last in a row is the nearest, and the last is what stays.
         nearest[target.ravel()] = disparity.ravel()
@@ -97,8 +97,9 @@ class Confidence:
         surface = (disparity[:, ::SURFACE_STEP_PX] * np.float32(16.0)).astype(np.int16)
         least = SURFACE_PIXELS // (ROW_PX * SURFACE_STEP_PX)
         cv2.filterSpeckles(surface, 0, least, SURFACE_RISE)
-        large = np.repeat(surface > 0, SURFACE_STEP_PX, axis=1)[:, : disparity.shape[1]]
-        return textured | large
+        wide = (surface.shape[1] * SURFACE_STEP_PX, len(surface))
+        large = cv2.resize((surface > 0).view(np.uint8), wide, interpolation=cv2.INTER_NEAREST)
+        return textured | large[:, : disparity.shape[1]].view(bool)
 
     def _energies(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean squared gradient along the columns and along the rows, in (grey per px)^2.
@@ -114,4 +115,9 @@ class Confidence:
             0.25 * cv2.sqrBoxFilter(step, cv2.CV_32F, TEXTURE_WINDOW) - noise_energy
             for step in (step_u, step_v)
         )
-        return np.maximum(energy_u, 0.0), np.maximum(energy_v, 0.0)
+        return _positive(energy_u), _positive(energy_v)
+
+
+def _positive(values: np.ndarray) -> np.ndarray:
+    """Values (h, w) float32, 0 instead of negative ones; cheaper than `numpy.maximum`."""
+    return cv2.threshold(values, 0.0, 0.0, cv2.THRESH_TOZERO)[1]

@@ -108,12 +108,12 @@ class ScanMaker:
         groups = int(row.max(initial=0)) // 16 + 1
         shape = (groups, self._columns + 2, self._cells + 2)
         voted = np.zeros(16 * math.prod(shape), np.uint8)
-        place = ((row // 16) * shape[1] + column + 1) * shape[2] + cell + 1
-        voted[place * 16 + row % 16] = 1
+        place = ((row >> 4) * shape[1] + column + 1) * shape[2] + cell + 1
+        voted[(place << 4) + (row & 15)] = 1
         words = np.packbits(voted).view(np.uint16).reshape(shape)
         words = words[:, :-2] | words[:, 1:-1] | words[:, 2:]
         words = words[:, :, :-2] | words[:, :, 1:-1] | words[:, :, 2:]
-        return ROW_PX * np.bitwise_count(words).sum(axis=0, dtype=np.intp)
+        return ROW_PX * np.bitwise_count(words).sum(axis=0, dtype=np.uint16)
 
     def _ranges(self, nearest_px: np.ndarray, floor: FloorPlane) -> np.ndarray:
         """Nearest obstacle (bearings,) in `base`, NaN where none."""
@@ -145,7 +145,8 @@ class ScanMaker:
         ground = _ground(floor, self._u, self._v[rows])
         tolerance = self._config.min_obstacle_m / floor.height_m
         with np.errstate(invalid="ignore"):
-            flat = np.abs(disparity - ground) < np.maximum(np.float32(tolerance) * ground, FLOOR_PX)
+            away = np.abs(disparity - ground)
+            flat = (away < np.float32(tolerance) * ground) | (away < FLOOR_PX)
         flat &= (ground > self._min_px) & (ground < self._config.max_disparity_px)
         # Where the foot of a wall passes for floor, its own disparity still tells its depth.
         nearness = np.fmax(disparity, ground) * flat
@@ -220,5 +221,7 @@ def _ground(floor: FloorPlane, u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def _sum_of_three(values: np.ndarray) -> np.ndarray:
     """Every value of (n, m) plus its two neighbours along the second axis."""
-    wide = np.pad(values, ((0, 0), (1, 1)))
-    return wide[:, :-2] + wide[:, 1:-1] + wide[:, 2:]
+    total = values.copy()
+    total[:, 1:] += values[:, :-1]
+    total[:, :-1] += values[:, 1:]
+    return total
