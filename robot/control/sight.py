@@ -25,7 +25,7 @@ SQUARE_M = 0.015
 REFUTE_M = 0.08  # floor must be seen this far behind a point to forget it
 WITNESSES = 3  # so many points make an obstacle, fewer are noise
 BESIDE_M, BESIDE_BACK_M, BESIDE_AHEAD_M = 0.06, 0.05, 0.18
-BESIDE_SHARE = 0.25
+BESIDE_BEFORE_M = 0.03  # what reaches farther into the robot's way stands before it
 STRAIGHT_RADPM = 1e-3  # a smaller curvature is a straight line
 
 
@@ -164,15 +164,15 @@ class Sight:
     def room_beside_m(self, odom_from_base: SE2, side: int) -> float:
         """Between the robot's flank and what was seen beside it; NaN: nothing within `BESIDE_M`.
 
-        `side` is +1 left, -1 right. What is a little ahead counts, as the robot will be there soon;
-        the most it comes nearer is where a good part of the points begins.
+        `side` is +1 left, -1 right. What is a little ahead counts, as the robot will be there soon.
         """
         points = odom_from_base.inverse().apply(self._near_m)
         x, room_m = points[:, 0], points[:, 1] * side - self._robot.radius_m
-        beside = (x > -BESIDE_BACK_M) & (x < BESIDE_AHEAD_M) & (np.abs(room_m) < BESIDE_M)
-        if np.count_nonzero(beside) < WITNESSES:
+        beside = (x > -BESIDE_BACK_M) & (x < BESIDE_AHEAD_M)
+        room_m = room_m[beside & (room_m > -BESIDE_BEFORE_M) & (room_m < BESIDE_M)]
+        if len(room_m) < WITNESSES:
             return math.nan
-        return float(np.quantile(room_m[beside], BESIDE_SHARE))
+        return float(np.partition(room_m, WITNESSES - 1)[WITNESSES - 1])
 
     def nearest_ahead_m(self, odom_from_base: SE2, free_m: float, direction: int) -> np.ndarray:
         """Points (n, 2) of `odom` that the robot would touch within `free_m` straight on."""

@@ -100,6 +100,15 @@ class OccupancyGrid:
             if inward is not None:
                 self._fronts.touch(points, inward)
 
+    def forget_touches(self, world_from_base: SE2, radius_m: float) -> None:
+        """Let marks of touches within `radius_m` go where the eyes say that there is floor."""
+        res, x, y = self._config.resolution_m, world_from_base.x_m, world_from_base.y_m
+        rows, columns = np.nonzero(self._sticky & (self._log_odds <= -self._config.free_below))
+        dx = (columns + self._window.ix0 + 0.5) * res - x
+        dy = (rows + self._window.iy0 + 0.5) * res - y
+        near = np.hypot(dx, dy) <= radius_m
+        self._sticky[rows[near], columns[near]] = False
+
     def clear_footprint(self, world_from_base: SE2, radius_m: float) -> None:
         """Where the robot stands there is floor; what was touched at its rim stays an obstacle.
 

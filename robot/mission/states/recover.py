@@ -37,6 +37,7 @@ TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was to
 TOUCH_DEPTH_M = 0.015  # the nearest of it, as thick as the map is unsure: its middle was touched
 TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
 TOUCH_HALF_M = 0.025  # half the width of what is marked at least
+FORGET_M = 1.0
 STRIP_M = 0.3  # of a wall, to either side: who drives along it would touch it again and again
 
 
@@ -61,7 +62,9 @@ class Recover(State):
             run.troubles = 0
         if run.troubles == 0:
             run.trouble_since_ns, run.trouble_back_m, run.closed_in = now.t_ns, 0.0, False
-        run.closed_in |= self._kind == "enclosed"
+        if self._kind == "enclosed":  # it came in, so there is a way: its own marks may be wrong
+            run.closed_in = True
+            now.grid.forget_touches(now.pose, FORGET_M)
         run.troubles += 1
         self._try = run.troubles
         self._stop = now.link.stop_reason

@@ -194,3 +194,15 @@ def test_the_same_scans_give_the_same_map_bit_for_bit():
         views.append(grid.snapshot())
     assert np.array_equal(views[0].cells, views[1].cells)
     assert views[0].origin_x_m == views[1].origin_x_m
+
+
+def test_touches_are_forgotten_where_the_eyes_see_floor():
+    grid = OccupancyGrid(MappingConfig(), EYE_M)
+    for _ in range(10):
+        grid.integrate(SE2(), scan_of(SE2(), wall_at(1.5)))
+    grid.mark_obstacle(np.array([[0.6, 0.0], [1.2, 0.0], [0.0, 0.5]]))
+    grid.forget_touches(SE2(), 1.0)
+    view = grid.snapshot()
+    assert free(cell(view, 0.6, 0.0))
+    assert cell(view, 1.2, 0.0) >= 50  # too far away
+    assert cell(view, 0.0, 0.5) >= 50  # never seen

@@ -219,3 +219,11 @@ def test_backing_off_in_one_trouble_is_bounded_in_metres():
         backed_m += life.now.driven_m - before_m
     assert life.step.then.name == "error"
     assert life.now.run.trouble_back_m <= CONFIG.mission.recover_limit_m + 0.02
+
+
+def test_closed_in_by_its_own_marks_it_forgets_them():
+    life = Life(Contact(0), stop="")
+    life.now.grid.mark_obstacle(np.array([[0.0, 0.45]]))
+    assert len(occupied(life.now.grid.snapshot()))
+    life.recover("enclosed")
+    assert len(occupied(life.now.grid.snapshot())) == 0
