@@ -22,6 +22,10 @@ from robot.slam.relocalise import Glimpse, Relocaliser
 FAMILIAR_NS = 10_000_000_000  # a landmark known for so long was not born of an error just made
 _FAMILIAR_COUNT = 3
 _MANY = 6  # tracks that do not end in the same moment by chance
+_CROWD = 40  # points that tell a motion, and in the next frame never less than a motion needs,
+_NEXT_NS = 250_000_000  # if that follows so soon
+_READABLE = 0.5  # and has so much of its quality: no dark, no wall before the eyes
+_KEPT = 0.125  # of the tracks seem to go on elsewhere, by likeness
 _DOUBT_NS = 1_500_000_000  # without a familiar landmark for so long, the pose is checked
 _SUSPECT_NS = 1_000_000_000  # and for so long, it is not believed against other evidence
 _QUARANTINE_NS = 30_000_000_000
@@ -45,7 +49,10 @@ class SelfFinder:
         self._sure_ns: int | None = None  # when familiar landmarks last spoke for the pose
         self.placed_ns = 0  # when places last did
         self._followed: set[int] = set()  # tracks of the last frame
-        self._torn_ns = 0  # when they ended all at once, as they do when it is carried
+        self._held = 0  # points that told its motion
+        self._quality, self._frame_ns = 0.0, 0
+        self._broken_ns = 0  # when nothing was followed on: what was seen before stands apart
+        self._torn_ns = 0  # when many tracks ended all at once, as they do when it is carried
 
     def moved(self, previous_from_current: SE2) -> None:
         """Carry the local frame along with the odometry."""
@@ -72,7 +79,7 @@ class SelfFinder:
         """The robot knows where it is."""
         self.lost = False
         self._sure_ns = self.placed_ns = t_ns
-        self._followed = set()
+        self._followed, self._held = set(), 0
         self._drop_new()
 
     def search(self, seen: Seen) -> SE2 | None:
@@ -82,6 +89,29 @@ class SelfFinder:
             return None
         return glimpse.map_from_local @ self._local_from_base
 
+    def follow(self, seen: Seen) -> None:
+        """While not lost, every frame: be lost where all that was followed ends at once.
+
+        A crowd of points never does from one frame to the next, in a picture as good as the last,
+        unless somebody carried the robot.
+        """
+        tracks = {landmark.track_id for landmark in seen.landmarks if landmark.track_id >= 0}
+        kept = len(tracks & self._followed)
+        if seen.motion is None and not kept:
+            self._broken_ns = seen.t_ns
+            if len(self._followed) >= _MANY:
+                self._torn_ns = seen.t_ns
+        if seen.motion is None and self._carried(seen, kept):
+            self.lose()
+        self._followed, self._held = tracks, 0 if seen.motion is None else seen.motion.inliers
+        self._quality, self._frame_ns = seen.quality, seen.t_ns
+
+    def _carried(self, seen: Seen, kept: int) -> bool:
+        """Whether no motion that leaves `kept` of the tracks leads from the last frame to this."""
+        readable = seen.quality >= _READABLE * self._quality
+        at_once = seen.t_ns - self._frame_ns < _NEXT_NS
+        return self._held >= _CROWD and kept <= _KEPT * len(self._followed) and readable and at_once
+
     def judge(self, seen: Seen, familiar: int, pose: SE2, cov: np.ndarray) -> None:
         """While not lost: remember places, or find that the pose is wrong and be lost.
 
@@ -89,13 +119,11 @@ class SelfFinder:
         """
         if familiar >= _FAMILIAR_COUNT or self._sure_ns is None:
             self._sure_ns = seen.t_ns
-        self._follow(seen)
         self._learn(seen, pose)
         in_doubt = seen.t_ns - self._sure_ns > _DOUBT_NS
-        if in_doubt:
-            glimpse = self._look(seen, _DOUBTING_EVERY_NS, self._sure_ns)
-        else:
-            glimpse = self._look(seen, _CALM_EVERY_NS, seen.t_ns - _CALM_EVERY_NS)
+        every_ns = _DOUBTING_EVERY_NS if in_doubt else _CALM_EVERY_NS
+        since_ns = self._sure_ns if in_doubt else seen.t_ns - _CALM_EVERY_NS
+        glimpse = self._look(seen, every_ns, max(since_ns, self._broken_ns))
         if glimpse is None:
             return
         if not self._contradicts(glimpse.map_from_local @ self._local_from_base, pose, cov):
@@ -103,13 +131,6 @@ class SelfFinder:
         elif in_doubt or glimpse.confirmed:  # one look is no match for landmarks long known
             self.lost = True  # the relocaliser goes on with what it has seen
             self._drop_new()
-
-    def _follow(self, seen: Seen) -> None:
-        tracks = {landmark.track_id for landmark in seen.landmarks if landmark.track_id >= 0}
-        many = len(self._followed) >= _MANY
-        if many and seen.motion is None and not tracks & self._followed:
-            self._torn_ns = seen.t_ns
-        self._followed = tracks
 
     def _learn(self, seen: Seen, pose: SE2) -> None:
         """New places wait, so that an error of the pose is not confirmed by what it made."""

@@ -169,6 +169,10 @@ class Slam:
         self._mark = self._odometry.buffer.mark(t_ns)
 
     def _correct(self, seen: Seen) -> None:
+        self._finder.follow(seen)
+        if self._finder.lost:  # carried just now: what it has learned is right
+            self._map.move_on(seen.t_ns)
+            return
         moved = self._moved_m >= self._config.min_move_m
         moved |= self._turned_rad >= self._config.min_turn_rad
         if seen.marker is not None and (moved or not self._map.marker_known):

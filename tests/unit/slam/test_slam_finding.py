@@ -9,7 +9,7 @@ from synthetic_flat import Drive, drive
 
 from robot.config import RobotConfig, SlamConfig
 from robot.geometry.se2 import SE2
-from robot.messages import PoseEstimate, Seen
+from robot.messages import PoseEstimate, Seen, VisualMotion
 from robot.slam.finding import SelfFinder
 from robot.slam.memory import SlamMemory
 from robot.slam.relocalise import Glimpse
@@ -151,14 +151,55 @@ def test_what_is_followed_all_the_time_leaves_no_suspicion(torn: bool, ride: Dri
     finder = SelfFinder(CONFIG)
     finder._relocaliser = Insists(None)  # type: ignore[assignment]
     seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
+    finder.follow(seen)
     finder.judge(seen, familiar=5, pose=SE2(), cov=SURE)
-    later = replace(seen, t_ns=seen.t_ns + 2 * S)
-    if torn:
-        others = tuple(replace(m, track_id=m.track_id + 1000) for m in seen.landmarks)
-        later = replace(later, landmarks=others, motion=None)
+    later = elsewhere(seen) if torn else seen
+    later = replace(later, t_ns=seen.t_ns + 2 * S)
+    finder.follow(later)
     finder.judge(later, familiar=0, pose=SE2(), cov=SURE)
+    assert not finder.lost
     finder.suspect(later.t_ns)
     assert finder.lost is torn
+
+
+def elsewhere(seen: Seen) -> Seen:
+    """The next frame, in which nothing of this one is found again."""
+    others = tuple(replace(m, track_id=m.track_id + 1000) for m in seen.landmarks)
+    return replace(seen, t_ns=seen.t_ns + S // 10, landmarks=others, motion=None)
+
+
+@pytest.mark.parametrize(
+    ("inliers", "quality", "late_s", "lost"),
+    [(60, 0.6, 0.0, True), (20, 0.6, 0.0, False), (60, 0.1, 0.0, False), (60, 0.6, 1.0, False)],
+    ids=["crowd", "few points", "in the dark", "after a pause"],
+)
+def test_a_crowd_of_points_that_ends_at_once_tells_that_somebody_carried_the_robot(
+    inliers: int, quality: float, late_s: float, lost: bool, ride: Drive
+) -> None:
+    finder = SelfFinder(CONFIG)
+    seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
+    motion = VisualMotion(SE2(), np.eye(3), inliers)
+    finder.follow(replace(seen, quality=0.8, motion=motion))
+    after = elsewhere(seen)
+    finder.follow(replace(after, quality=quality, t_ns=after.t_ns + round(late_s * S)))
+    assert finder.lost is lost
+
+
+def test_what_was_seen_before_a_break_does_not_speak_for_the_place_after_it(ride: Drive) -> None:
+    asked: list[int] = []
+
+    class Asked:
+        def look(self, *arguments: object) -> None:
+            asked.append(arguments[-1])  # type: ignore[arg-type]
+
+    finder = SelfFinder(CONFIG)
+    finder._relocaliser = Asked()  # type: ignore[assignment]
+    seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
+    few = VisualMotion(SE2(), np.eye(3), 20)
+    for frame in (replace(seen, motion=few), elsewhere(seen)):
+        finder.follow(frame)
+        finder.judge(frame, familiar=0, pose=SE2(), cov=SURE)
+    assert asked[-1] == elsewhere(seen).t_ns > asked[0]
 
 
 def test_a_pose_that_is_confirmed_does_not_jump(memory: SlamMemory, ride: Drive) -> None:
