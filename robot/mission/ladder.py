@@ -37,7 +37,7 @@ RUNGS: dict[Phase, Rung] = {
 }
 WIGGLE_FROM, RETRACE_FROM = 3, 3  # tries
 RETRACE = Rung(15.0, 2.0)
-CLOSED_IN_S = 20.0  # a whole trouble, where no way leads on: there is little to try
+CLOSED_IN_S = 30.0  # a whole trouble, where no way leads on: there is little to try
 SAYS: dict[Kind, str] = {
     "bump": "touched something",
     "cliff": "came to a cliff",

@@ -154,13 +154,19 @@ class Recover(State):
     def _over(self, now: Situation) -> Step:
         """This try is done: a new plan, or the own way back before it."""
         now.run.trouble_at_m = now.driven_m
-        if self._kind == "enclosed" or self._try >= RETRACE_FROM:
+        if self._goes_back():
             distance_m = RETRACE_M * (self._try - RETRACE_FROM + 1)
             if self._kind == "enclosed":
                 distance_m = RETRACE_ENCLOSED_M
             back = Retrace(distance_m, self._resume)
             return Step(then=back, reason="backing off is not enough, going back its own way")
         return Step(then=self._resume, reason="free again, making a new plan")
+
+    def _goes_back(self) -> bool:
+        """Whether the way it came is tried now: in turns with new plans, which have seen more."""
+        if self._kind == "enclosed":
+            return self._try > 1
+        return self._try >= RETRACE_FROM and (self._try - RETRACE_FROM) % 2 == 0
 
     def _next(self, now: Situation, phase: Phase) -> None:
         self._phase: Phase = phase
