@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from models import manifest
-from models.networks import module_of
+from models.networks import WIDTHS, module_of
 
 HERE = Path(__file__).resolve().parent
 FAMILIES = ("indoor", "kitti2015", "all")
@@ -33,7 +33,7 @@ is right to 2 px. Layer by layer: the head of `{definition}`.
 | multiply-accumulates | {mmac} M per pair | the same |
 | difference to PyTorch | {parity_px:g} px at most, on one random pair{int8_note} | the same |
 | executed Cortex-A53 instructions | {a53} | `make a53` |
-| trained | {steps} | `python -m models.train {name} --minutes {minutes:g}` |
+| trained | {steps} | `python -m models.train {name}{start_option} --minutes {minutes:g}` |
 | licence | {licence} | |
 
 ## Data
@@ -180,7 +180,7 @@ def card(
     data = entry["training_data"]
     return TEXT.format(
         **{**entry, "training_data": data[0].upper() + data[1:]},
-        what=_first_line(module.__doc__ or ""),
+        what="`hybrid` in another width" if name in WIDTHS else _first_line(module.__doc__ or ""),
         sha=entry["sha256"][:16],
         a53="not measured" if a53 is None else f"{a53} M per pair",
         definition=module_of(name).replace(".", "/") + ".py",
@@ -189,6 +189,7 @@ def card(
         steps=f"{entry['training_steps']} steps in {entry['training_minutes']} minutes "
         "on shared CPU cores",
         minutes=round(entry["training_minutes"]),
+        start_option=f" --start {entry['training_start']}" if "training_start" in entry else "",
         extra=", cross-entropy of the shift scores" if name != "hybrid_paper" else "",
         validation=_validation(training),
         pairs=len({(r["family"], r["pair"]) for r in bench["rows"] if r["pair"]}),

@@ -175,12 +175,14 @@ def trained(folder: Path) -> dict[str, object]:
     """What `log.jsonl` says about the training: steps, minutes and pairs of each kind."""
     lines = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
     pairs = [f"{line['shapes']} shapes, {line['rooms']} rooms" for line in lines if "rooms" in line]
+    start = next(({"training_start": n["start"]} for n in lines if "start" in n), {})
     return {
         "training_data": f"rendered pairs only: {pairs[-1] if pairs else 'a few'}",
         "training_batch": next((n["batch"] for n in lines if "batch" in n), Order.batch),
         "training_rate": next((n["top_rate"] for n in lines if "top_rate" in n), Order.rate),
         "training_steps": lines[-1]["step"],
         "training_minutes": round(lines[-1]["trained_s"] / 60, 1),
+        **start,
     }
 
 

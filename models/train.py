@@ -167,9 +167,10 @@ class Trainer:
         if not any(k.images for k in kinds):
             raise SystemExit(f"no shards in {self.order.pairs}: run python -m models.data.shards")
         o = self.order
+        began = {} if o.start is None else {"start": str(o.start)}
         self.note(
             step=self.step, trained_s=self.trained_s, batch=o.batch * self.place.world,
-            top_rate=o.rate, device=self.place.device.type,
+            top_rate=o.rate, device=self.place.device.type, **began,
         )  # fmt: skip
         batches = self.batches(kinds)
         last_report = last_check = self.trained_s
