@@ -23,7 +23,7 @@ OFF_PATH_M = 0.35
 BACK_ROUND_RADPS = 0.8
 EDGE_ROOM_M = 0.006  # between the robot and what it drives along
 ASIDE_M = 0.04  # farther from its path it does not go for that
-ASIDE_GAIN = 0.1  # of the way there, from tick to tick
+ASIDE_EVERY_S, ASIDE_GAIN = 0.1, 0.4  # so often, so much of the way there
 
 
 class Drive:
@@ -35,7 +35,7 @@ class Drive:
         self._reason = "sweeping" if cleans else "on the way"
         self._aside_m = 0.0  # where it drives, left of the path
         self._stopped_ns: int | None = None
-        self._looked_ns = now.t_ns
+        self._looked_ns = self._felt_ns = now.t_ns
         self.blocked = ""
 
     @property
@@ -50,7 +50,8 @@ class Drive:
 
     def tick(self, now: Situation) -> Wish:
         """The wish for this tick."""
-        if self._cleans:
+        if self._cleans and seconds(self._felt_ns, now.t_ns) >= ASIDE_EVERY_S:
+            self._felt_ns = now.t_ns
             self._aside_m += ASIDE_GAIN * (self._beside(now) - self._aside_m)
         steering = self._follower.steer(now.pose, self._aside_m)
         if abs(self._follower.lateral_m) > OFF_PATH_M:
