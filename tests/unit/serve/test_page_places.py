@@ -19,9 +19,8 @@ def page(browser, house, request):
     with open_page(browser, house, request.param) as page:
         # The server may still show what the test before named and drew.
         until(page, f"({NAMES}) === 'room 1,room 2'")
-        until(
-            page, " + ".join(drawn(page, kind) for kind in ("no_go", "walls", "zones")) + " === 0"
-        )
+        for kind in ("no_go", "walls", "zones"):
+            until(page, f"{drawn(kind)} === 0")
         yield page
 
 
