@@ -12,7 +12,7 @@ from robot.config.section import Count, Fraction, NotNegative, Positive, Section
 class PlanningConfig(Section, frozen=True):
     """Coverage and routes."""
 
-    margin_m: NotNegative = 0.012  # kept between the robot's rim and what is mapped
+    margin_m: NotNegative = 0.014  # kept between the robot's rim and what is mapped
     thin_margin_m: NotNegative = 0.008  # more of it beside legs and other thin things
     min_passage_m: NotNegative = 0.03  # room to spare in a gap that leads to a small place only
     unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor

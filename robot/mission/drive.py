@@ -21,7 +21,7 @@ LOOK_EVERY_S = 0.4
 SLACK_M = 0.05  # the map may touch the body by so much before the path counts as blocked
 OFF_PATH_M = 0.35
 BACK_ROUND_RADPS = 0.8
-EDGE_ROOM_M = 0.006  # between the robot and what it drives along
+EDGE_ROOM_M = 0.012  # between the robot and what it drives along
 ASIDE_M = 0.04  # farther from its path it does not go for that
 ASIDE_EVERY_S, ASIDE_GAIN = 0.1, 0.4  # so often, so much of the way there
 
