@@ -4,17 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from situations import situation
 
 from robot.config import Config
-from robot.control.safety import SafetyGate
 from robot.geometry.se2 import SE2, exp
-from robot.mapping.grid import OccupancyGrid
-from robot.mapping.swept import SweptFloor
 from robot.messages import ClearOrder, Contact, Grid, LinkState, PlanOrder
-from robot.mission.desk import PlanDesk
-from robot.mission.dock_sight import DockSight
 from robot.mission.ladder import RUNGS, WIGGLE_FROM
-from robot.mission.state import Situation
 from robot.mission.states.recover import Recover
 from robot.mission.states.rest import Idle
 
@@ -26,19 +21,9 @@ class Life:
     """Just enough of a robot: wishes become motion, unless the world holds it."""
 
     def __init__(self, contact, stop="bump", held=False, resume=None):
-        grid = OccupancyGrid(CONFIG.mapping)
-        grid.clear_footprint(SE2(), 0.5)
-        swept = SweptFloor(CONFIG.mapping, CONFIG.robot.brush_width_m)
         self.held, self.wishes, self.step = held, [], None
         self.resume = resume or Idle()
-        self.now = Situation(
-            t_ns=0, pose=SE2(), yaw_sigma_rad=0.01, health="ok", odom=SE2(), driven_m=5.0,
-            turned_rad=0.0, contact=contact, link=LinkState(0, True, stop), battery_pct=80.0,
-            view=grid.snapshot(), known_free_m2=1.0, grid=grid, swept=swept,
-            gate=SafetyGate(CONFIG.control, CONFIG.robot), desk=PlanDesk(grid, swept),
-            sight=DockSight(CONFIG.robot), robot=CONFIG.robot, control=CONFIG.control,
-            config=CONFIG.mission,
-        )  # fmt: skip
+        self.now = situation(CONFIG, contact, stop)
 
     def recover(self, kind, max_s=30.0):
         state = Recover(kind, self.resume)
