@@ -180,7 +180,7 @@ def card(
     data = entry["training_data"]
     return TEXT.format(
         **{**entry, "training_data": data[0].upper() + data[1:]},
-        what="`hybrid` in another width" if name in WIDTHS else _first_line(module.__doc__ or ""),
+        what="`hybrid` in another width." if name in WIDTHS else _first_line(module.__doc__ or ""),
         sha=entry["sha256"][:16],
         a53="not measured" if a53 is None else f"{a53} M per pair",
         definition=module_of(name).replace(".", "/") + ".py",

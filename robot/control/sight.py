@@ -161,15 +161,19 @@ class Sight:
                 body_m = min(body_m, max(0.0, slim_m))
         return Corridor(body_m, graze_m)
 
-    def room_beside_m(self, odom_from_base: SE2, side: int) -> float:
-        """Between the robot's flank and what was seen beside it; NaN: nothing within `BESIDE_M`.
+    def rooms_beside_m(self, odom_from_base: SE2) -> tuple[float, float]:
+        """From the robot's flanks to what was seen at its left and at its right; NaN: nothing near.
 
-        `side` is +1 left, -1 right. What is a little ahead counts, as the robot will be there soon.
+        What is a little ahead counts, as the robot will be there soon.
         """
         points = odom_from_base.inverse().apply(self._near_m)
-        x, room_m = points[:, 0], points[:, 1] * side - self._robot.radius_m
-        beside = (x > -BESIDE_BACK_M) & (x < BESIDE_AHEAD_M)
-        room_m = room_m[beside & (room_m > -BESIDE_BEFORE_M) & (room_m < BESIDE_M)]
+        beside = points[(points[:, 0] > -BESIDE_BACK_M) & (points[:, 0] < BESIDE_AHEAD_M), 1]
+        return self._least_room_m(beside), self._least_room_m(-beside)
+
+    def _least_room_m(self, away_m: np.ndarray) -> float:
+        """Of points so far to one side (n,); what reaches into the way stands before the robot."""
+        room_m = away_m - self._robot.radius_m
+        room_m = room_m[(room_m > -BESIDE_BEFORE_M) & (room_m < BESIDE_M)]
         if len(room_m) < WITNESSES:
             return math.nan
         return float(np.partition(room_m, WITNESSES - 1)[WITNESSES - 1])

@@ -7,8 +7,6 @@ is good to millimetres, and a robot that knows a wall to the millimetre can clea
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
@@ -22,16 +20,6 @@ _FARTHEST_M = 1.5
 _LEAST_WEIGHT = 1.0
 _RECALLED_WEIGHT = 5.0
 _MOST_WEIGHT = 40.0  # bounded, so that what moved is learnt anew
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Ends:
-    """Ends of rays on faces, in `world`: each (n, 2) or (n,)."""
-
-    at_m: np.ndarray
-    ray: np.ndarray  # unit vectors from the eye
-    straight: np.ndarray  # cosine to the face's normal
-    weight: np.ndarray
 
 
 class Fronts:
@@ -67,16 +55,19 @@ class Fronts:
 
         Cells outside the window learn nothing.
         """
-        ends = _ends(world_from_eye, ends_m)
-        if ends is None:
+        if len(ends_m) < 3:
             return
-        along = _OFFSETS * self._res
-        at_m = ends.at_m[:, None, :] + along[:, None] * ends.ray[:, None, :]
-        cells = np.floor(at_m / self._res).astype(np.int64)
-        off_m = (cells + 0.5) * self._res - ends.at_m[:, None, :]
-        behind_m = (off_m * ends.ray[:, None, :]).sum(axis=2) * ends.straight[:, None]
-        weight = np.broadcast_to(ends.weight[:, None], behind_m.shape)
-        self._learn(cells[..., 0], cells[..., 1], behind_m, weight)
+        range_m, straight = np.hypot(*ends_m.T), _straight(ends_m)
+        near = (range_m < _FARTHEST_M) & (straight > 0.0)
+        if not near.any():
+            return
+        range_m, straight = range_m[near, None], straight[near, None]
+        at_m = world_from_eye.apply(ends_m[near])[:, None, :]
+        ray = SE2(yaw_rad=world_from_eye.yaw_rad).apply(ends_m[near] / range_m)[:, None, :]
+        cells = np.floor((at_m + _OFFSETS[:, None] * self._res * ray) / self._res).astype(np.int64)
+        behind_m = (((cells + 0.5) * self._res - at_m) * ray).sum(axis=2) * straight
+        weight = np.minimum(1.0, (_PRECISE_M / range_m) ** 4) * straight**2
+        self._learn(cells[..., 0], cells[..., 1], behind_m, np.broadcast_to(weight, behind_m.shape))
 
     def touch(self, points_m: np.ndarray, inward: np.ndarray) -> None:
         """Points (n, 2) of `world` that lie on a face; `inward` (2,) points into the matter."""
@@ -114,20 +105,11 @@ class Fronts:
         return np.where(occupied, np.where(known, np.maximum(part, 50.0), 100.0), free)
 
 
-def _ends(world_from_eye: SE2, ends_m: np.ndarray) -> _Ends | None:
-    """The ends (n, 2) that are near and lie on a face; None: there are none."""
-    if len(ends_m) < 3:
-        return None
-    range_m, face = np.hypot(*ends_m.T), np.gradient(ends_m, axis=0)
+def _straight(ends_m: np.ndarray) -> np.ndarray:
+    """Cosine (n,) between each ray and the normal of the face that its neighbours show.
+
+    0 for a lone ray, NaN where a neighbour ended nowhere.
+    """
+    face = np.gradient(ends_m, axis=0)
     across = np.abs(face[:, 0] * ends_m[:, 1] - face[:, 1] * ends_m[:, 0])
-    straight = across / np.maximum(range_m * np.hypot(*face.T), 1e-9)
-    use = (range_m < _FARTHEST_M) & (straight > 0.0)
-    if not use.any():
-        return None
-    range_m, straight = range_m[use], straight[use]
-    return _Ends(
-        world_from_eye.apply(ends_m[use]),
-        SE2(yaw_rad=world_from_eye.yaw_rad).apply(ends_m[use] / range_m[:, None]),
-        straight,
-        np.minimum(1.0, (_PRECISE_M / range_m) ** 4) * straight**2,
-    )
+    return across / np.maximum(np.hypot(*ends_m.T) * np.hypot(*face.T), 1e-9)

@@ -78,14 +78,14 @@ class Drive:
         The map may be off by more than the room that a wall is passed with; what the eyes have just
         seen beside the robot is not.
         """
-        odom, sight = now.odom, now.gate.sight
-        left_m, right_m = sight.room_beside_m(odom, 1), sight.room_beside_m(odom, -1)
+        left_m, right_m = now.gate.sight.rooms_beside_m(now.odom)
         if math.isnan(left_m) and math.isnan(right_m):
             return 0.0
-        to_left_m, to_right_m = left_m - EDGE_ROOM_M, right_m - EDGE_ROOM_M
         if math.isnan(left_m):
-            to_left_m = -to_right_m
-        elif not math.isnan(right_m):
+            to_left_m = EDGE_ROOM_M - right_m
+        elif math.isnan(right_m):
+            to_left_m = left_m - EDGE_ROOM_M
+        else:
             to_left_m = (left_m - right_m) / 2.0
         return clamp(self._follower.lateral_m + to_left_m, ASIDE_M)
 
