@@ -31,14 +31,14 @@ from robot.body.talk.control import ask
 from robot.serve.guard.keys import Keyring
 
 TURNS, TURN_S, SETTLE_S = int(os.environ.get("SWEEPER_TURNS", "60")), 1.5, 0.3
-KINDS = ("tick_wall_ms", "tick_late_ms", "tick_cpu_ms")
+KINDS = ("tick_wall_ms", "tick_late_ms", "tick_cpu_ms", "tick_done_ms")
 
 
 class Ticking(StandIn):
-    """Measures what each tick costs and how late it begins."""
+    """Measures what each tick costs, how late it begins, and how long after its time it is done."""
 
     def __init__(self, path):
-        self.costs, self.lates, self.cpu = [], [], []  # before the thread begins
+        self.costs, self.lates, self.cpu, self.dones = [], [], [], []  # before the thread begins
         super().__init__(path)
 
     def run(self):
@@ -50,9 +50,11 @@ class Ticking(StandIn):
             begun, cpu = time.monotonic(), time.thread_time()
             start += max(0.0, begun - due - 0.02)  # a beat that was missed is not made up for
             self.beat(int((begun - start) * NS), tick)
-            self.costs.append(time.monotonic() - begun)
+            done = time.monotonic()
+            self.costs.append(done - begun)
             self.cpu.append(time.thread_time() - cpu)
             self.lates.append(begun - due)
+            self.dones.append(done - due)
 
 
 def attackers(server, stop):
@@ -204,9 +206,9 @@ def connections(port):
 
 
 def one_turn(robot):
-    """Wall time, lateness and CPU time of each tick, after what was under way has settled."""
+    """The `KINDS` of figures of each tick, after what was under way has settled."""
     time.sleep(SETTLE_S)
-    kept = (robot.costs, robot.lates, robot.cpu)
+    kept = (robot.costs, robot.lates, robot.cpu, robot.dones)
     for values in kept:
         values.clear()
     time.sleep(TURN_S)
