@@ -13,6 +13,7 @@ where the dock's marker stood) live in `odom`, which never jumps.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -154,8 +155,11 @@ class Brain:
     # ------------------------------------------------------------------ what a frame changes
 
     def _seen(self, seen: Seen) -> list[Command]:
-        estimate = self._slam.see(seen)
         odom_from_base = self._odometry.at(seen.t_ns)
+        self._recognition.look(seen.t_ns, odom_from_base, seen.scan)
+        estimate = self._slam.see(seen, partial(self._share_at, odom_from_base))
+        if (estimate.health == "lost") != (self._estimate.health == "lost"):
+            self._recognition.forget()  # what was seen stands elsewhere, or for another place
         self._gate.see(seen, odom_from_base)
         if seen.marker is not None:
             world_from_base = estimate.world_from_base
@@ -180,6 +184,10 @@ class Brain:
             near = matter_near(self._view, self._pose(), self._config.control.memory_range_m / 2.0)
             self._gate.sight.know(self._world_from_odom.inverse().apply(near))
         return [estimate, *self._map_report(seen.t_ns)]
+
+    def _share_at(self, odom_from_base: SE2, world_from_base: SE2) -> float:
+        """Of what was seen lately, the share that the map has, were the robot there."""
+        return self._recognition.share_at(self._view, world_from_base @ odom_from_base.inverse())
 
     def _pose(self) -> SE2:
         """world_from_base now: the last estimate composed with the odometry since its frame."""

@@ -162,21 +162,27 @@ class Sight:
         return Corridor(body_m, graze_m)
 
     def rooms_beside_m(self, odom_from_base: SE2) -> tuple[float, float]:
-        """From the robot's flanks to what was seen at its left and at its right; NaN: nothing near.
+        """From the robot's flanks to what stands at its left and at its right; NaN: nothing near.
 
-        What is a little ahead counts, as the robot will be there soon.
+        Of what has just been seen, or else of what the map knows. What is a little ahead counts, as
+        the robot will be there soon.
         """
-        points = odom_from_base.inverse().apply(self._near_m)
-        beside = points[(points[:, 0] > -BESIDE_BACK_M) & (points[:, 0] < BESIDE_AHEAD_M), 1]
-        return self._least_room_m(beside), self._least_room_m(-beside)
+        rooms_m = [math.nan, math.nan]
+        for memory, witnesses in ((self._near_m, WITNESSES), (self._mapped_m, 1)):
+            points = odom_from_base.inverse().apply(memory)
+            beside = points[(points[:, 0] > -BESIDE_BACK_M) & (points[:, 0] < BESIDE_AHEAD_M), 1]
+            for i, away_m in enumerate((beside, -beside)):
+                if math.isnan(rooms_m[i]):
+                    rooms_m[i] = self._least_room_m(away_m, witnesses)
+        return rooms_m[0], rooms_m[1]
 
-    def _least_room_m(self, away_m: np.ndarray) -> float:
+    def _least_room_m(self, away_m: np.ndarray, witnesses: int) -> float:
         """Of points so far to one side (n,); what reaches into the way stands before the robot."""
         room_m = away_m - self._robot.radius_m
         room_m = room_m[(room_m > -BESIDE_BEFORE_M) & (room_m < BESIDE_M)]
-        if len(room_m) < WITNESSES:
+        if len(room_m) < witnesses:
             return math.nan
-        return float(np.partition(room_m, WITNESSES - 1)[WITNESSES - 1])
+        return float(np.partition(room_m, witnesses - 1)[witnesses - 1])
 
     def nearest_ahead_m(self, odom_from_base: SE2, free_m: float, direction: int) -> np.ndarray:
         """Points (n, 2) of `odom` that the robot would touch within `free_m` straight on."""

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from robot.config import RobotConfig
 from robot.control.follow import Follower
-from robot.control.limits import clamp
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import SE2
 from robot.messages import Grid, Path
@@ -21,9 +18,6 @@ LOOK_EVERY_S = 0.4
 SLACK_M = 0.05  # the map may touch the body by so much before the path counts as blocked
 OFF_PATH_M = 0.35
 BACK_ROUND_RADPS = 0.8
-EDGE_ROOM_M = 0.012  # between the robot and what it drives along
-ASIDE_M = 0.04  # farther from its path it does not go for that
-ASIDE_EVERY_S, ASIDE_GAIN = 0.1, 0.4  # so often, so much of the way there
 
 
 class Drive:
@@ -33,9 +27,8 @@ class Drive:
         self._follower = Follower(path, now.pose, now.control, now.robot)
         self._cleans = cleans
         self._reason = "sweeping" if cleans else "on the way"
-        self._aside_m = 0.0  # where it drives, left of the path
         self._stopped_ns: int | None = None
-        self._looked_ns = self._felt_ns = now.t_ns
+        self._looked_ns = now.t_ns
         self.blocked = ""
 
     @property
@@ -48,12 +41,14 @@ class Drive:
         """Length of the path still to drive."""
         return self._follower.remaining_m
 
-    def tick(self, now: Situation) -> Wish:
-        """The wish for this tick."""
-        if self._cleans and seconds(self._felt_ns, now.t_ns) >= ASIDE_EVERY_S:
-            self._felt_ns = now.t_ns
-            self._aside_m += ASIDE_GAIN * (self._beside(now) - self._aside_m)
-        steering = self._follower.steer(now.pose, self._aside_m)
+    @property
+    def lateral_m(self) -> float:
+        """How far left of the path the robot is."""
+        return self._follower.lateral_m
+
+    def tick(self, now: Situation, aside_m: float = 0.0) -> Wish:
+        """The wish for this tick: along the path, `aside_m` left of it."""
+        steering = self._follower.steer(now.pose, aside_m)
         if abs(self._follower.lateral_m) > OFF_PATH_M:
             self.blocked = "the robot is far from its path"
         self._watch_gate(now, steering.v_mps)
@@ -71,23 +66,6 @@ class Drive:
         if not self._cleans:
             brush = fan = 0.0
         return Wish(steering.v_mps, steering.yaw_rate_radps, brush, fan, self._reason)
-
-    def _beside(self, now: Situation) -> float:
-        """Where beside the path to drive, left of it: along what is seen there.
-
-        The map may be off by more than the room that a wall is passed with; what the eyes have just
-        seen beside the robot is not.
-        """
-        left_m, right_m = now.gate.sight.rooms_beside_m(now.odom)
-        if math.isnan(left_m) and math.isnan(right_m):
-            return 0.0
-        if math.isnan(left_m):
-            to_left_m = EDGE_ROOM_M - right_m
-        elif math.isnan(right_m):
-            to_left_m = left_m - EDGE_ROOM_M
-        else:
-            to_left_m = (left_m - right_m) / 2.0
-        return clamp(self._follower.lateral_m + to_left_m, ASIDE_M)
 
     def _watch_gate(self, now: Situation, v_mps: float) -> None:
         """Something right before the robot for some time blocks the path."""

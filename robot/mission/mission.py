@@ -103,7 +103,7 @@ class Mission:
         if self._emergency(now):
             return
         trouble = self._trouble(now) if state.guarded else None
-        if trouble is not None:
+        if trouble is not None and not (trouble[0] == "bump" and state.bears(now)):
             self.change(now, Recover(trouble[0], state.after_trouble), trouble[1])
             return
         denied_s = self._denied_s(now)

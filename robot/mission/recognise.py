@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import cv2
 import numpy as np
@@ -16,17 +17,20 @@ MEMORY = 150.0  # hits: some frames' worth
 FADE = 0.8  # of them stays with every frame: a few false ones in wide rooms never make a view
 MIN_HITS = 40.0
 WIDE_HITS = 75.0  # less does not speak against a place
+RECENT_NS = 2_000_000_000  # what was seen so lately is tried at another pose
 
 
 class Recognition:
     """A fading count of what was seen, and of what of it the map knows."""
 
     def __init__(self) -> None:
-        self._seen = self._known = self._against = 0.0
+        self._recent: deque[tuple[int, np.ndarray]] = deque()  # hits (n, 2) in odom
+        self.forget()
 
     def forget(self) -> None:
         """Begin anew, at another place perhaps."""
         self._seen = self._known = self._against = 0.0
+        self._recent.clear()
 
     @property
     def share(self) -> float:
@@ -38,17 +42,35 @@ class Recognition:
         """Share of what was seen that stands where the map says free; NaN while that is little."""
         return self._against / self._seen if self._seen >= WIDE_HITS else math.nan
 
+    def look(self, t_ns: int, odom_from_base: SE2, scan: Scan) -> None:
+        """Take in a scan with the odometry pose at the time of its frame."""
+        while self._recent and t_ns - self._recent[0][0] > RECENT_NS:
+            self._recent.popleft()
+        self._recent.append((t_ns, odom_from_base.apply(_hits(scan))))
+
+    def share_at(self, grid: Grid, world_from_odom: SE2) -> float:
+        """What `share` would be, were odometry's frame there: of all that was seen lately."""
+        hits = np.vstack([points for _, points in self._recent] or [np.zeros((0, 2))])
+        if len(hits) < MIN_HITS:
+            return math.nan
+        return float(_near_matter(grid, world_from_odom.apply(hits))[0].mean())
+
     def see(self, grid: Grid, world_from_base: SE2, scan: Scan) -> None:
         """Add a scan taken from where the robot believes to be."""
-        use = np.isfinite(scan.range_m) & (scan.range_m < REACH_M)
-        r, b = scan.range_m[use], scan.bearing_rad[use]
-        hits = world_from_base.apply(np.stack([r * np.cos(b), r * np.sin(b)], axis=-1))
+        hits = world_from_base.apply(_hits(scan))
         near, free = _near_matter(grid, hits)
         known, against = int(near.sum()), int((free & ~near).sum())
-        keep = min(FADE, max(0.0, MEMORY - len(r)) / max(self._seen, 1e-9))
-        self._seen = self._seen * keep + len(r)
+        keep = min(FADE, max(0.0, MEMORY - len(hits)) / max(self._seen, 1e-9))
+        self._seen = self._seen * keep + len(hits)
         self._known = self._known * keep + known
         self._against = self._against * keep + against
+
+
+def _hits(scan: Scan) -> np.ndarray:
+    """Where near rays ended, (n, 2) in `base`."""
+    use = np.isfinite(scan.range_m) & (scan.range_m < REACH_M)
+    r, b = scan.range_m[use], scan.bearing_rad[use]
+    return np.stack([r * np.cos(b), r * np.sin(b)], axis=-1)
 
 
 def _near_matter(grid: Grid, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -113,6 +113,10 @@ class State:
         """What goes on after a recovery from trouble in this state."""
         return self
 
+    def bears(self, now: Situation) -> bool:
+        """Whether a touch is part of what it is doing, and it gets free by itself."""
+        return False
+
     def enter(self, now: Situation) -> None:
         """Called once, before the first tick in this state."""
 

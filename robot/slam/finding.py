@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -32,7 +33,10 @@ _QUARANTINE_NS = 30_000_000_000
 _DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 2_500_000_000
 _APART_M, _APART_RAD = 0.4, 0.35  # drift stays below: found farther away, the robot was carried
 _APART_SIGMAS = 4.0
+_FITS, _MAY_FIT = 0.85, 0.5  # so much of what stands around: the pose is right; it may be
 FOUND_COV = np.diag([0.08, 0.08, 0.03]) ** 2
+
+Fits = Callable[[SE2], float]  # share of what stands around that fits a pose; NaN: seen too little
 
 
 class SelfFinder:
@@ -82,12 +86,13 @@ class SelfFinder:
         self._followed, self._held = set(), 0
         self._drop_new()
 
-    def search(self, seen: Seen) -> SE2 | None:
+    def search(self, seen: Seen, fits: Fits | None = None) -> SE2 | None:
         """While lost: world_from_base at the frame's time, once it is certain."""
         glimpse = self._look(seen, _DOUBTING_EVERY_NS)
         if glimpse is None or not glimpse.confirmed:
             return None
-        return glimpse.map_from_local @ self._local_from_base
+        pose = glimpse.map_from_local @ self._local_from_base
+        return pose if fits is None or fits(pose) >= _MAY_FIT else None
 
     def follow(self, seen: Seen) -> None:
         """While not lost, every frame: be lost where all that was followed ends at once.
@@ -112,7 +117,9 @@ class SelfFinder:
         at_once = seen.t_ns - self._frame_ns < _NEXT_NS
         return self._held >= _CROWD and kept <= _KEPT * len(self._followed) and readable and at_once
 
-    def judge(self, seen: Seen, familiar: int, pose: SE2, cov: np.ndarray) -> None:
+    def judge(
+        self, seen: Seen, familiar: int, pose: SE2, cov: np.ndarray, fits: Fits | None = None
+    ) -> None:
         """While not lost: remember places, or find that the pose is wrong and be lost.
 
         `familiar` landmarks were recognised in the frame at `pose` with covariance (3, 3).
@@ -128,6 +135,8 @@ class SelfFinder:
             return
         if not self._contradicts(glimpse.map_from_local @ self._local_from_base, pose, cov):
             self._sure_ns = self.placed_ns = seen.t_ns
+        elif fits is not None and fits(pose) >= _FITS:
+            return
         elif in_doubt or glimpse.confirmed:  # one look is no match for landmarks long known
             self.lost = True  # the relocaliser goes on with what it has seen
             self._drop_new()

@@ -11,7 +11,7 @@ from robot.config import RobotConfig, SlamConfig
 from robot.geometry.se2 import SE2, exp
 from robot.messages import ImuSample, PoseEstimate, Seen, WheelTravel
 from robot.slam.catalogue import collect
-from robot.slam.finding import FAMILIAR_NS, FOUND_COV, SelfFinder
+from robot.slam.finding import FAMILIAR_NS, FOUND_COV, Fits, SelfFinder
 from robot.slam.history import Mark, PoseHistory
 from robot.slam.memory import SlamMemory, remember, restore
 from robot.slam.motion import compose
@@ -62,19 +62,20 @@ class Slam:
             self._advance(event.t_ns - _LAG_NS // 2, None)
             self._remember()
 
-    def see(self, seen: Seen) -> PoseEstimate:
+    def see(self, seen: Seen, fits: Fits | None = None) -> PoseEstimate:
         """Move to the time of the frame and correct the pose by what it shows.
 
-        A frame older than the last one corrects nothing.
+        A frame older than the last one corrects nothing. `fits` knows a map of matter: of what was
+        seen lately up to this frame, the share that fits, were the robot at a pose.
         """
         if self._mark is None:
             self._start(seen.t_ns)
         elif seen.t_ns > self._mark.t_ns:
             self._advance(seen.t_ns, seen)
             if self._finder.lost:
-                self._search(seen)
+                self._search(seen, fits)
             else:
-                self._correct(seen)
+                self._correct(seen, fits)
             self._remember()
         return self.pose_at(seen.t_ns)
 
@@ -133,9 +134,9 @@ class Slam:
         """All that another run can begin with."""
         return remember(self._map, self._finder.places.points)
 
-    def _search(self, seen: Seen) -> None:
+    def _search(self, seen: Seen, fits: Fits | None) -> None:
         """Lost: no correction by landmarks until places tell the pose for certain."""
-        pose = self._finder.search(seen)
+        pose = self._finder.search(seen, fits)
         if pose is not None:
             self.put(pose, FOUND_COV)
 
@@ -168,7 +169,7 @@ class Slam:
         self._turned_rad += abs(yaw)
         self._mark = self._odometry.buffer.mark(t_ns)
 
-    def _correct(self, seen: Seen) -> None:
+    def _correct(self, seen: Seen, fits: Fits | None) -> None:
         self._finder.follow(seen)
         if self._finder.lost:  # carried just now: what it has learned is right
             self._map.move_on(seen.t_ns)
@@ -187,7 +188,7 @@ class Slam:
             self._ahead_m = self._moved_m = self._turned_rad = 0.0
             familiar = self._map.familiar(seen.t_ns, FAMILIAR_NS)
             pose = SE2(*self._ekf.x[:3].tolist())
-            self._finder.judge(seen, familiar, pose, self._ekf.head()[:3, :3])
+            self._finder.judge(seen, familiar, pose, self._ekf.head()[:3, :3], fits)
             if self._finder.lost:
                 self._map.move_on(self._finder.placed_ns)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from robot.control.wish import halt
 from robot.messages import Planned
 from robot.mission.drive import Drive
+from robot.mission.hug import Hug
 from robot.mission.job import JobKind
 from robot.mission.state import Situation, State, Step, seconds
 from robot.mission.states.recover import Recover
@@ -27,20 +28,26 @@ class Clean(State):
 
     def __init__(self) -> None:
         self._drive: Drive | None = None
+        self._hug = Hug()
         self._unanswered = 0
         self._ended = False  # the last plan was driven to its end
         self._blocked_at_m: float | None = None
 
     def enter(self, now: Situation) -> None:
         now.desk.drop()
-        self._drive = None
+        self._drive, self._hug = None, Hug()
         self._ended = False
         self._swept_m2 = now.swept.area_m2
         self._free_m2 = now.known_free_m2
         self._planned_ns, self._planned_swept_m2 = now.t_ns, now.swept.area_m2
         self._order(now)
 
+    def bears(self, now: Situation) -> bool:
+        return self._drive is not None and self._hug.feels(now, self._drive.lateral_m)
+
     def tick(self, now: Situation) -> Step:
+        if self._hug.swinging:
+            return Step(self._hug.swing(now))
         answer = now.desk.take()
         if answer is not None:
             step = self._begin(now, answer)
@@ -106,7 +113,8 @@ class Clean(State):
     # ------------------------------------------------------------------ driving
 
     def _go_on(self, now: Situation, drive: Drive) -> Step:
-        wish = drive.tick(now)
+        self._hug.look(now, drive.lateral_m)
+        wish = drive.tick(now, self._hug.aside_m)
         if drive.blocked:
             return self._blocked(now, drive.blocked)
         if drive.done:
