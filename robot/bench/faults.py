@@ -28,6 +28,7 @@ LIMIT_S = 60.0
 QUIET_S = 12.0  # of work without trouble: it is over
 WORK = frozenset({"clean", "spot", "zone", "room", "goto", "undock", "look"})
 CALM = WORK | {"return", "dock", "charge", "done", "docked"}
+PASSED_M = 0.8  # so far from a patch on the floor it went another way
 AHEAD_M = 0.26  # from the centre to what lies before the robot
 
 
@@ -83,6 +84,8 @@ def run_fault(name: str, seed: int, config: Config) -> dict[str, Any]:
                 trial.end_s = t_s + LIMIT_S + 2.0 * QUIET_S + (60.0 if fault.met else 0.0)
             return
         fault.later(trial, t_s - struck[0])
+        if trial.base.faults.patches and not trial.base.faults.entered:
+            struck[0], trial.end_s = t_s, t_s + LIMIT_S + 2.0 * QUIET_S  # it has not met it yet
         calm = trial.state in CALM and not fault.met and not fault.ends
         if trial.state not in CALM:
             troubled[:] = [t_s]
@@ -179,7 +182,7 @@ def _unblock_later(trial: Trial, since_s: float) -> None:
 
 def _carpet(trial: Trial) -> None:
     edge = box(trial.pose @ SE2(AHEAD_M + 0.1), 0.15, 0.8)
-    trial.base.faults.patches.append(Patch(edge, slip=0.97))
+    trial.base.faults.patches[:] = [Patch(edge, slip=0.97)]
 
 
 def _close_in(trial: Trial) -> None:
@@ -196,7 +199,20 @@ def _close_in(trial: Trial) -> None:
 
 def _cable(trial: Trial) -> None:
     cable = box(trial.pose @ SE2(AHEAD_M), 0.12, 0.5)
-    trial.base.faults.patches.append(Patch(cable, blocks=trial.seed % 2))
+    trial.base.faults.patches[:] = [Patch(cable, blocks=trial.seed % 2)]
+
+
+def _laid_anew(lay: Callable[[Trial], None]) -> Callable[[Trial, float], None]:
+    """Once more before the robot, as it went another way."""
+
+    def later(trial: Trial, since_s: float) -> None:
+        faults, drive = trial.base.faults, trial.drives[-1]
+        x, y = faults.patches[0].polygon.mean(axis=0)
+        passed = trial.pose.distance_m(SE2(x, y)) > PASSED_M
+        if passed and not faults.entered and drive.v_mps > 0.1 > abs(drive.yaw_rate_radps):
+            lay(trial)
+
+    return later
 
 
 def _hold_bumper(trial: Trial) -> None:
@@ -266,9 +282,9 @@ _HOMING = Fault("", _slip, (), met=frozenset({"dock"}))
 FAULTS: tuple[Fault, ...] = (
     Fault("wheel slip", _slip, ("wheels turn",), later=_no_slip_later),
     Fault("wheel blocked", _block, ("a wheel",), later=_unblock_later),
-    Fault("carpet edge", _carpet, ("wheels turn", "slippery")),
+    Fault("carpet edge", _carpet, ("wheels turn", "slippery"), later=_laid_anew(_carpet)),
     Fault("closed in", _close_in, ("closed in", "no way", "out of reach")),
-    Fault("cable", _cable, ("a wheel",)),
+    Fault("cable", _cable, ("a wheel",), later=_laid_anew(_cable)),
     Fault("bumper held", _hold_bumper, ("bumper",), later=_free_bumper_later),
     Fault("lifted", _lift, ("put down",), later=_put_down_later),
     Fault("door closed", _close_door, ("no way",), ready=_away_from_dock, after_s=(24.0, 40.0)),

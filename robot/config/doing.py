@@ -12,9 +12,9 @@ from robot.config.section import Count, Fraction, NotNegative, Positive, Section
 class PlanningConfig(Section, frozen=True):
     """Coverage and routes."""
 
-    margin_m: NotNegative = 0.014  # kept between the robot's rim and what is mapped
-    thin_margin_m: NotNegative = 0.008  # more of it beside legs and other thin things
-    min_passage_m: NotNegative = 0.03  # room to spare in a gap that leads to a small place only
+    margin_m: NotNegative = 0.010  # kept between the robot's rim and what is mapped
+    thin_margin_m: NotNegative = 0.004  # more of it beside legs and other thin things
+    min_passage_m: NotNegative = 0.01  # room to spare in a gap that leads to a small place only
     unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor
     lane_overlap_m: NotNegative = 0.01  # neighbouring lanes share this much of the brush
     soft_clearance_m: Positive = 0.35  # routes prefer this much room around the centre

@@ -17,7 +17,7 @@ from robot.mission.drive import back_round
 from robot.mission.state import Latch, Situation, seconds
 
 SEEN_ROOM_M = 0.012  # kept to what is only seen, at first
-NEARER, NEARER_FELT = 0.05, 0.02  # metres nearer a metre, before and after it was touched
+NEARER, NEARER_FELT = 0.1, 0.02  # metres nearer a metre, before and after it was touched
 FELT_ROOM_M, MORE = 0.008, 2.0  # kept to what was touched, at first; more where it is touched soon
 SOON_M = 0.15
 ASIDE_M = 0.06  # farther from its path it does not go
@@ -38,7 +38,8 @@ class Hug:
         self._felt: tuple[float, float] | None = None  # where aside, with which yaw
         self._nearer_m = 0.0  # come so much nearer since it was met or felt
         self._felt_at_m, self._room_m = -math.inf, FELT_ROOM_M
-        self._beside_at_m = self._driven_m = 0.0
+        self._beside_at_m = 0.0
+        self._driven_m = math.inf  # when it looked last
         self._looked_ns = 0
         self._swing: _Swing | None = None
 
@@ -49,7 +50,7 @@ class Hug:
         if seconds(self._looked_ns, now.t_ns) < EVERY_S:
             return
         self._looked_ns = now.t_ns
-        driven_m, self._driven_m = now.driven_m - self._driven_m, now.driven_m
+        driven_m, self._driven_m = max(0.0, now.driven_m - self._driven_m), now.driven_m
         left_m, right_m = now.gate.sight.rooms_beside_m(now.odom)
         side = float(math.isnan(right_m)) - float(math.isnan(left_m))
         if side != 0.0:
@@ -89,12 +90,13 @@ class Hug:
         if self._swing is not None:
             return not self._swing.failed
         side = float(now.contact.bump_left) - float(now.contact.bump_right)
+        left_m, right_m = now.gate.sight.rooms_beside_m(now.odom)
         since_m = now.driven_m - self._felt_at_m
-        rooms_m = now.gate.sight.rooms_beside_m(now.odom)
-        room_m = rooms_m[0] if side > 0.0 else rooms_m[1]
+        if side == 0.0 or math.isnan(left_m if side > 0.0 else right_m) or since_m < AGAIN_M:
+            return False
         self._room_m = MORE * self._room_m if since_m < SOON_M else FELT_ROOM_M
         felt_m = lateral_m - side * self._room_m
-        if side == 0.0 or since_m < AGAIN_M or math.isnan(room_m) or abs(felt_m) > ASIDE_M:
+        if abs(felt_m) > ASIDE_M:
             return False
         self._side, self._felt, self._nearer_m = side, (felt_m, now.pose.yaw_rad), 0.0
         self._swing = _Swing(now, side)

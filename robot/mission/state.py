@@ -42,7 +42,10 @@ class RunRecord:
     troubles: int = 0  # since the robot last drove on freely
     trouble_at_m: float = 0.0  # distance driven when the last one ended
     trouble_since_ns: int = 0  # when the first of them began
+    trouble_over_ns: int = 0  # when the last one ended
+    trouble_place: SE2 = field(default_factory=SE2)  # odom_from_base where the first of them began
     trouble_back_m: float = 0.0  # backed off since then
+    held_at: list[SE2] = field(default_factory=list)  # odom_from_base where wheels were held
     closed_in: bool = False  # one of them was that no way led on
     trail: Trail = field(default_factory=Trail)
 

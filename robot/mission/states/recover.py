@@ -37,7 +37,9 @@ TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was to
 TOUCH_DEPTH_M = 0.015  # the nearest of it, as thick as the map is unsure: its middle was touched
 TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
 TOUCH_HALF_M = 0.025  # half the width of what is marked at least
+HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's edge, a cable
 FORGET_M = 1.0
+CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, or so far from the last
 STRIP_M = 0.3  # of a wall, to either side: who drives along it would touch it again and again
 
 
@@ -58,10 +60,11 @@ class Recover(State):
     def enter(self, now: Situation) -> None:
         now.desk.drop()
         run = now.run
-        if now.driven_m - run.trouble_at_m > now.config.recover_reset_m:
+        if _is_another(now):
             run.troubles = 0
         if run.troubles == 0:
             run.trouble_since_ns, run.trouble_back_m, run.closed_in = now.t_ns, 0.0, False
+            run.trouble_place = now.odom
         if self._kind == "enclosed":  # it came in, so there is a way: its own marks may be wrong
             run.closed_in = True
             now.grid.forget_touches(now.pose, FORGET_M)
@@ -153,7 +156,7 @@ class Recover(State):
 
     def _over(self, now: Situation) -> Step:
         """This try is done: a new plan, or the own way back before it."""
-        now.run.trouble_at_m = now.driven_m
+        now.run.trouble_at_m, now.run.trouble_over_ns = now.driven_m, now.t_ns
         if self._goes_back():
             distance_m = RETRACE_M * (self._try - RETRACE_FROM + 1)
             if self._kind == "enclosed":
@@ -198,17 +201,33 @@ class Recover(State):
     def _mark(self, now: Situation) -> None:
         """Write into the map what was met, so that the next plan avoids it."""
         contact = now.contact
-        held = self._kind in ("stop", "slip") and self._try >= 2
+        held = self._held_here(now) if self._kind in ("stop", "slip") else 0
         if self._kind in ("bump", "stuck") or held:
             side = "front" if contact.bump_left == contact.bump_right else "left"
             side = "right" if side == "left" and contact.bump_right else side
             now.grid.mark_obstacle(*_touched(now, *SIDES_RAD[side]))
+            if held:
+                now.grid.mark_obstacle(_across(now, HELD_HALF_M * held))
         elif self._kind == "cliff":
             now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
         elif self._kind == "blocked":
             points = now.gate.sight.nearest_ahead_m(now.odom, now.robot.radius_m / 2.0, 1)
             world_from_odom = now.pose @ now.odom.inverse()
             now.grid.mark_obstacle(world_from_odom.apply(points))
+
+    def _held_here(self, now: Situation) -> int:
+        """How often its wheels were held about here before."""
+        before = sum(now.odom.distance_m(place) < AWAY_M for place in now.run.held_at)
+        now.run.held_at.append(now.odom)
+        return before
+
+
+def _is_another(now: Situation) -> bool:
+    """Whether the robot has driven on freely since the last trouble, for some time or well away."""
+    run = now.run
+    freely = now.driven_m - run.trouble_at_m > now.config.recover_reset_m
+    calm = seconds(run.trouble_over_ns, now.t_ns) > CALM_S
+    return freely and (calm or now.odom.distance_m(run.trouble_place) > AWAY_M)
 
 
 def _touched(now: Situation, low_rad: float, high_rad: float) -> tuple[np.ndarray, np.ndarray]:
@@ -233,6 +252,13 @@ def _touched(now: Situation, low_rad: float, high_rad: float) -> tuple[np.ndarra
     wall = (np.abs(beyond) < TOUCH_REACH_M) & (np.abs(along) < STRIP_M)
     strip = np.outer(np.append(along[wall], [-TOUCH_HALF_M, 0.0, TOUCH_HALF_M]), tangent)
     return now.pose.apply(strip + rim_m * normal), SE2(yaw_rad=now.pose.yaw_rad).apply(normal)
+
+
+def _across(now: Situation, half_m: float) -> np.ndarray:
+    """Points (n, 2) of `world` on a line before the robot, across its way."""
+    y = np.linspace(-half_m, half_m, 2 * round(half_m / TOUCH_HALF_M) + 1)
+    ahead = np.full(len(y), now.robot.radius_m + TOUCH_GAP_M)
+    return now.pose.apply(np.stack([ahead, y], axis=-1))
 
 
 def _rim(now: Situation, bearing: np.ndarray, beyond_m: float) -> np.ndarray:

@@ -74,3 +74,25 @@ def test_a_few_false_hits_in_a_wide_room_do_not_speak_against_the_place():
     for _ in range(5):
         recognition.see(corner(), SE2(-0.6, 0.6, -0.4), look(SE2(0.2, 0.1, -0.4)))
     assert recognition.against > 0.5
+
+
+@pytest.mark.parametrize(
+    ("off", "fits"), [(SE2(), True), (SE2(-0.5, 0.2, 0.0), False), (SE2(0, 0, 0.5), False)]
+)
+def test_what_was_seen_lately_tells_whether_a_pose_fits(off, fits):
+    recognition, true = Recognition(), SE2(0.2, 0.1, -0.4)
+    for k in range(5):
+        recognition.look(
+            k * 100_000_000, SE2(0.0, 0.0, 0.1 * k), look(true @ SE2(0.0, 0.0, 0.1 * k))
+        )
+    share = recognition.share_at(corner(), off @ true)
+    assert share > 0.95 if fits else share < 0.5
+
+
+def test_what_was_seen_long_ago_tells_no_pose():
+    recognition = Recognition()
+    recognition.look(0, SE2(), look(SE2()))
+    assert recognition.share_at(corner(), SE2()) > 0.95
+    nothing = Scan(BEARINGS, np.full(61, np.nan), np.full(61, np.nan))
+    recognition.look(5_000_000_000, SE2(), nothing)
+    assert math.isnan(recognition.share_at(corner(), SE2()))

@@ -146,6 +146,36 @@ def test_one_look_does_not_outweigh_landmarks_long_known(confirmed: bool, ride: 
     assert finder.lost
 
 
+@pytest.mark.parametrize(("share", "lost"), [(0.95, False), (0.6, True), (math.nan, True)])
+def test_places_alone_do_not_refute_a_pose_that_fits_the_map(
+    share: float, lost: bool, ride: Drive
+) -> None:
+    finder = SelfFinder(CONFIG)
+    finder._relocaliser = Insists(Glimpse(SE2(3.0, 0.0, 0.0), True))  # type: ignore[assignment]
+    seen = next(event for event in ride.events if isinstance(event, Seen))
+    asked: list[SE2] = []
+
+    def fits(pose: SE2) -> float:
+        asked.append(pose)
+        return share
+
+    finder.judge(seen, 0, SE2(), SURE, fits)
+    assert finder.lost is lost and asked == [SE2()]
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.7, True), (0.3, False), (math.nan, False)])
+def test_places_alone_do_not_prove_a_pose_that_does_not_fit_the_map(
+    share: float, found: bool, ride: Drive
+) -> None:
+    finder = SelfFinder(CONFIG)
+    finder.lose()
+    finder._relocaliser = Insists(Glimpse(SE2(3.0, 0.0, 0.0), True))  # type: ignore[assignment]
+    seen = next(event for event in ride.events if isinstance(event, Seen))
+    pose = finder.search(seen, lambda pose: share)
+    assert (pose is not None) is found
+    assert finder.search(seen) is not None  # nobody knows a map of matter
+
+
 @pytest.mark.parametrize("torn", [False, True])
 def test_what_is_followed_all_the_time_leaves_no_suspicion(torn: bool, ride: Drive) -> None:
     finder = SelfFinder(CONFIG)

@@ -116,11 +116,28 @@ def test_tries_without_progress_escalate_to_the_own_trail_and_then_give_up():
     assert set(names[limit:]) == {"error"} and "gave up" in life.step.reason
 
 
-def test_free_driving_makes_the_next_trouble_a_first_one():
+@pytest.mark.parametrize(
+    ("over_s", "away_m", "first"), [(1, 0.1, False), (1, 0.8, True), (20, 0.1, True)]
+)
+def test_free_driving_makes_the_next_trouble_a_first_one(over_s, away_m, first):
     life = Life(Contact(0, bump_left=True))
-    life.now.run.troubles, life.now.run.trouble_at_m = 7, 0.0
+    run = life.now.run
+    run.troubles, run.trouble_at_m, run.trouble_place = 2, 0.0, SE2(away_m)
+    run.trouble_over_ns = life.now.t_ns - over_s * 10**9
     life.recover("bump")
-    assert life.now.run.troubles == 1 and life.step.then is life.resume
+    assert life.now.run.troubles == (1 if first else 3)
+
+
+def test_where_wheels_were_held_before_a_line_across_the_way_is_marked():
+    life = Life(Contact(0), stop="stall")
+    wide_m = []
+    for _ in range(3):
+        life.step, life.now.link = None, LinkState(0, True, "stall")
+        life.now.odom = life.now.pose = SE2()
+        life.recover("stop")
+        y = occupied(life.now.grid.snapshot())[:, 1]
+        wide_m.append(float(np.ptp(y)) if len(y) else 0.0)
+    assert wide_m[0] == 0.0 and 0.2 < wide_m[1] < 0.4 and 0.5 < wide_m[2] < 0.7
 
 
 def test_a_cliff_is_marked_across_the_way():
