@@ -287,7 +287,13 @@ FAULTS: tuple[Fault, ...] = (
     Fault("cable", _cable, ("a wheel",), later=_laid_anew(_cable)),
     Fault("bumper held", _hold_bumper, ("bumper",), later=_free_bumper_later),
     Fault("lifted", _lift, ("put down",), later=_put_down_later),
-    Fault("door closed", _close_door, ("no way",), ready=_away_from_dock, after_s=(24.0, 40.0)),
+    Fault(
+        "door closed",
+        _close_door,
+        ("no way", "was not seen"),
+        ready=_away_from_dock,
+        after_s=(24.0, 40.0),
+    ),
     replace(
         _HOMING, name="dock moved", strike=_move_dock, words=("dock",), ends=frozenset({"done"})
     ),

@@ -68,21 +68,21 @@ def exhausted(now: Situation, kind: Kind, tries: int, stop: str) -> str:
         return ""
     done = max(1, tries - 1)
     how = f"gave up after {done} {'try' if done == 1 else 'tries'} in {took_s:.0f} s"
-    return f"the robot {SAYS[kind]}, {how}: {_cause(now, kind, stop)}"
+    return f"the robot {SAYS[kind]}, {how}: {_cause(now, kind, stop + run.trouble_stop)}"
 
 
 def _cause(now: Situation, kind: Kind, stop: str) -> str:
     """What a person should look for."""
-    if now.run.closed_in:
-        return "it is closed in; open a way for it"
-    if now.touching:
-        return "its bumper stays pressed; free it"
     if "stall" in stop:
         return "a wheel is blocked; take out what holds it"
     if "current" in stop:
         return "a motor draws too much; take out what holds it"
-    if kind == "slip":
-        return "the floor is slippery or it hangs on something; carry it a step away"
+    if kind == "slip" or now.run.trouble_slips:
+        return "its wheels turn on a slippery floor or it hangs on something; carry it a step away"
+    if now.run.closed_in:
+        return "it is closed in; open a way for it"
+    if now.touching:
+        return "its bumper stays pressed; free it"
     if kind == "cliff":
         return "it stands at an edge; carry it a step away"
     return "something holds it; carry it a step away"

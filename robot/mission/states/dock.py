@@ -28,7 +28,7 @@ BACK_MPS = 0.10
 FIND_S = 1.2  # looked for at the expected place before turning round
 FIND_SIGHTINGS = 3
 FIND_NS = 1_500_000_000
-SEARCH_RADPS = 0.8
+SEARCH_RADPS = 1.0
 MOVED_M, MOVED_RAD = 0.25, 0.6  # the map errs less: farther off, the dock was moved
 MAX_MOVES = 3
 SEARCH_RAD = 2.0 * math.pi
@@ -59,6 +59,8 @@ class Dock(State):
             return give_up("a cliff before the dock, the robot does not know where it is")
         if self._phase != "back" and seconds(self._since_ns, now.t_ns) > TRY_TIMEOUT_S:
             return self._fail(now, "docking took too long")
+        if self._phase in ("face", "search") and now.latched:
+            return self._fail(now, "something is in the way before the dock")
         phases = {
             "face": self._face,
             "search": self._search,

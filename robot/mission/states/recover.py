@@ -37,6 +37,7 @@ TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was to
 TOUCH_DEPTH_M = 0.015  # the nearest of it, as thick as the map is unsure: its middle was touched
 TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
 TOUCH_HALF_M = 0.025  # half the width of what is marked at least
+HELD_MOST = 2
 HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's edge, a cable
 FORGET_M = 1.0
 CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, or so far from the last
@@ -64,13 +65,16 @@ class Recover(State):
             run.troubles = 0
         if run.troubles == 0:
             run.trouble_since_ns, run.trouble_back_m, run.closed_in = now.t_ns, 0.0, False
-            run.trouble_place = now.odom
+            run.trouble_place, run.trouble_stop, run.trouble_slips = now.odom, "", False
         if self._kind == "enclosed":  # it came in, so there is a way: its own marks may be wrong
             run.closed_in = True
             now.grid.forget_touches(now.pose, FORGET_M)
         run.troubles += 1
         self._try = run.troubles
         self._stop = now.link.stop_reason
+        run.trouble_slips |= self._kind == "slip"
+        if self._kind == "stop":
+            run.trouble_stop = self._stop
         self._next(now, "wait" if self._kind == "blocked" and self._try == 1 else "clear")
         self._pivoted, self._touched_ns = False, now.t_ns
         self._pivot_way = 1.0 if self._try % 2 else -1.0
@@ -207,7 +211,7 @@ class Recover(State):
             side = "right" if side == "left" and contact.bump_right else side
             now.grid.mark_obstacle(*_touched(now, *SIDES_RAD[side]))
             if held:
-                now.grid.mark_obstacle(_across(now, HELD_HALF_M * held))
+                now.grid.mark_obstacle(_across(now, HELD_HALF_M * min(held, HELD_MOST)))
         elif self._kind == "cliff":
             now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
         elif self._kind == "blocked":

@@ -210,6 +210,16 @@ def test_a_stall_is_named_as_a_wheel():
     assert "a wheel is blocked" in life.step.reason and "gave up after 8 tries" in life.step.reason
 
 
+def test_the_cause_is_named_although_the_last_try_met_something_else():
+    for kind, stop, words in (("stop", "stall", "a wheel is blocked"), ("slip", "", "slippery")):
+        life = Life(Contact(0), stop=stop)
+        life.recover(kind)
+        life.step, life.now.contact = None, Contact(0, bump_left=True)
+        life.now.run.troubles, life.now.run.trouble_at_m = 8, life.now.driven_m
+        life.recover("bump")
+        assert words in life.step.reason
+
+
 def test_backing_off_in_one_trouble_is_bounded_in_metres():
     life = Life(Contact(0), stop="stall")
     backed_m = 0.0
