@@ -21,7 +21,7 @@ from robot.planning.path import Lattice
 
 _LANES_LATER_M = 0.4
 _JOIN_M = 0.30  # a way that begins within this may be joined as far along it
-_NEAR_M = 2.0
+_NEAR_M = (2.0, 6.0, math.inf)
 
 
 def tour(
@@ -141,7 +141,8 @@ class _Tour:
         extra = self._turn * turning_rad(legs, heading, first_rad) + self._later[ways]
         worth = self._worth(left, whole_areas=trip)[self._piece[ways]]
         source = self._lattice.node_at(at)
-        for limit in (_NEAR_M / self._space.cell_m, math.inf):  # mostly what is near is enough
+        for limit_m in _NEAR_M:  # mostly what is near is enough
+            limit = limit_m / self._space.cell_m
             cost = np.maximum(self._lattice.costs(source, limit)[self._node[ways]], far)
             total = np.where(cost <= worth, cost + extra, np.inf)
             best = int(total.argmin())
