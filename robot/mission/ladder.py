@@ -9,7 +9,6 @@ goes back the way it came; after each try the plan is made anew. The whole troub
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -62,7 +61,9 @@ def exhausted(now: Situation, kind: Kind, tries: int, stop: str) -> str:
     """Why the robot gives up now, empty while it may try on."""
     run, config = now.run, now.config
     took_s = seconds(run.trouble_since_ns, now.t_ns)
-    limit_s = min(config.recover_limit_s, CLOSED_IN_S if run.closed_in else math.inf)
+    limit_s = config.recover_limit_s
+    if "enclosed" in run.trouble_kinds:
+        limit_s = min(limit_s, CLOSED_IN_S)
     over = tries > config.recover_tries or took_s > limit_s
     if not over and run.trouble_back_m < config.recover_limit_m - 0.01:
         return ""
@@ -77,9 +78,10 @@ def _cause(now: Situation, kind: Kind, stop: str) -> str:
         return "a wheel is blocked; take out what holds it"
     if "current" in stop:
         return "a motor draws too much; take out what holds it"
-    if kind == "slip" or now.run.trouble_slips:
+    kinds = now.run.trouble_kinds
+    if "slip" in kinds:
         return "its wheels turn on a slippery floor or it hangs on something; carry it a step away"
-    if now.run.closed_in:
+    if "enclosed" in kinds or "blocked" in kinds:
         return "it is closed in; open a way for it"
     if now.touching:
         return "its bumper stays pressed; free it"

@@ -46,9 +46,8 @@ class RunRecord:
     trouble_place: SE2 = field(default_factory=SE2)  # odom_from_base where the first of them began
     trouble_back_m: float = 0.0  # backed off since then
     trouble_stop: str = ""  # the motor controller's stop that was no touch, in one of them
-    trouble_slips: bool = False  # its wheels slipped in one of them
+    trouble_kinds: set[str] = field(default_factory=set)  # of all of them
     held_at: list[SE2] = field(default_factory=list)  # odom_from_base where wheels were held
-    closed_in: bool = False  # one of them was that no way led on
     trail: Trail = field(default_factory=Trail)
 
 

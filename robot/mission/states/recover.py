@@ -64,15 +64,15 @@ class Recover(State):
         if _is_another(now):
             run.troubles = 0
         if run.troubles == 0:
-            run.trouble_since_ns, run.trouble_back_m, run.closed_in = now.t_ns, 0.0, False
-            run.trouble_place, run.trouble_stop, run.trouble_slips = now.odom, "", False
+            run.trouble_since_ns, run.trouble_back_m = now.t_ns, 0.0
+            run.trouble_place, run.trouble_stop = now.odom, ""
+            run.trouble_kinds.clear()
         if self._kind == "enclosed":  # it came in, so there is a way: its own marks may be wrong
-            run.closed_in = True
             now.grid.forget_touches(now.pose, FORGET_M)
         run.troubles += 1
         self._try = run.troubles
         self._stop = now.link.stop_reason
-        run.trouble_slips |= self._kind == "slip"
+        run.trouble_kinds.add(self._kind)
         if self._kind == "stop":
             run.trouble_stop = self._stop
         self._next(now, "wait" if self._kind == "blocked" and self._try == 1 else "clear")
