@@ -258,5 +258,6 @@ class Brain:
             blind_s=(t_ns - self._sighted_ns) * 1e-9,
             slipping=self._slip.slipping,
             recognised=self._recognition.share,
+            recognised_round=self._recognition.whole_share,
             settle=self._settle,
         )

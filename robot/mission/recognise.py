@@ -30,12 +30,18 @@ class Recognition:
     def forget(self) -> None:
         """Begin anew, at another place perhaps."""
         self._seen = self._known = self._against = 0.0
+        self._all_seen = self._all_known = 0
         self._recent.clear()
 
     @property
     def share(self) -> float:
         """0 to 1; NaN while too little has been seen."""
         return self._known / self._seen if self._seen >= MIN_HITS else math.nan
+
+    @property
+    def whole_share(self) -> float:
+        """The same of all that was seen since it began anew."""
+        return self._all_known / self._all_seen if self._all_seen >= MIN_HITS else math.nan
 
     @property
     def against(self) -> float:
@@ -64,6 +70,7 @@ class Recognition:
         self._seen = self._seen * keep + len(hits)
         self._known = self._known * keep + known
         self._against = self._against * keep + against
+        self._all_seen, self._all_known = self._all_seen + len(hits), self._all_known + known
 
 
 def _hits(scan: Scan) -> np.ndarray:

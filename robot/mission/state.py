@@ -80,6 +80,7 @@ class Situation:
     blind_s: float = 0.0  # how long nothing useful has been seen
     slipping: bool = False  # the wheels turn, but the floor does not pass
     recognised: float = 1.0  # share of what was seen lately that the map knows; NaN: too little
+    recognised_round: float = 1.0  # the same of all since the place became doubtful
     settle: Callable[[], None] = lambda: None  # the pose is right although nobody was sure of it
     run: RunRecord = field(default_factory=RunRecord)
     orders: list[Command] = field(default_factory=list)  # besides driving

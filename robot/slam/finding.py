@@ -33,7 +33,7 @@ _QUARANTINE_NS = 30_000_000_000
 _DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 2_500_000_000
 _APART_M, _APART_RAD = 0.4, 0.35  # drift stays below: found farther away, the robot was carried
 _APART_SIGMAS = 4.0
-_FITS, _MAY_FIT = 0.85, 0.5  # so much of what stands around: the pose is right; it may be
+_MAY_FIT = 0.5  # so much of what stands around: it may be the pose
 FOUND_COV = np.diag([0.08, 0.08, 0.03]) ** 2
 
 Fits = Callable[[SE2], float]  # share of what stands around that fits a pose; NaN: seen too little
@@ -133,9 +133,10 @@ class SelfFinder:
         glimpse = self._look(seen, every_ns, max(since_ns, self._broken_ns))
         if glimpse is None:
             return
-        if not self._contradicts(glimpse.map_from_local @ self._local_from_base, pose, cov):
+        found = glimpse.map_from_local @ self._local_from_base
+        if not self._contradicts(found, pose, cov):
             self._sure_ns = self.placed_ns = seen.t_ns
-        elif fits is not None and fits(pose) >= _FITS:
+        elif fits is not None and fits(pose) > fits(found):
             return
         elif in_doubt or glimpse.confirmed:  # one look is no match for landmarks long known
             self.lost = True  # the relocaliser goes on with what it has seen

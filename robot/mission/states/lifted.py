@@ -15,7 +15,8 @@ SETTLE_RAD = 5.8  # some views alone may look like others
 TURN_RADPS = 0.6
 TURNS_RAD = 4.0 * math.pi
 TIMEOUT_S = 30.0
-SURE, ENOUGH = 0.75, 0.5  # share of what is seen that the map knows: at once, after a turn
+SURE, ENOUGH = 0.75, 0.5  # share of what is seen that the map knows: at once, after half a turn
+SETTLED = 0.7  # of all that was seen round about
 
 
 class Lifted(State):
@@ -53,7 +54,7 @@ class Lifted(State):
     def _look(self, now: Situation, down_s: float) -> Step:
         turned = now.turned_rad - self._from_rad
         share = 0.0 if math.isnan(now.recognised) else now.recognised
-        if share >= SURE and turned >= SETTLE_RAD and now.health == "lost":
+        if now.recognised_round >= SETTLED and turned >= SETTLE_RAD and now.health == "lost":
             now.settle()  # what it sees stands where it was: nobody carried it away
             return Step(then=self._resume, reason=f"{self.happened} where it was")
         enough = SURE if turned < math.pi else ENOUGH

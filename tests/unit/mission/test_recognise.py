@@ -65,6 +65,17 @@ def test_what_was_seen_long_ago_fades():
     assert recognition.share < 0.3
 
 
+def test_the_whole_share_forgets_nothing():
+    recognition = Recognition()
+    for _ in range(20):
+        recognition.see(corner(), SE2(-0.6, 0.3, 0.5), look(SE2()))
+    for _ in range(20):
+        recognition.see(corner(), SE2(), look(SE2()))
+    assert recognition.share > 0.9 and 0.4 < recognition.whole_share < 0.7
+    recognition.forget()
+    assert math.isnan(recognition.whole_share)
+
+
 def test_a_few_false_hits_in_a_wide_room_do_not_speak_against_the_place():
     recognition = Recognition()
     few = Scan(BEARINGS[:9], np.full(9, 0.6), np.full(9, 0.6))

@@ -146,21 +146,18 @@ def test_one_look_does_not_outweigh_landmarks_long_known(confirmed: bool, ride: 
     assert finder.lost
 
 
-@pytest.mark.parametrize(("share", "lost"), [(0.95, False), (0.6, True), (math.nan, True)])
-def test_places_alone_do_not_refute_a_pose_that_fits_the_map(
-    share: float, lost: bool, ride: Drive
+@pytest.mark.parametrize(
+    ("here", "there", "lost"),
+    [(0.95, 0.4, False), (0.6, 0.9, True), (0.9, 0.9, True), (math.nan, math.nan, True)],
+)
+def test_places_do_not_refute_a_pose_that_fits_the_map_better_than_theirs(
+    here: float, there: float, lost: bool, ride: Drive
 ) -> None:
     finder = SelfFinder(CONFIG)
     finder._relocaliser = Insists(Glimpse(SE2(3.0, 0.0, 0.0), True))  # type: ignore[assignment]
     seen = next(event for event in ride.events if isinstance(event, Seen))
-    asked: list[SE2] = []
-
-    def fits(pose: SE2) -> float:
-        asked.append(pose)
-        return share
-
-    finder.judge(seen, 0, SE2(), SURE, fits)
-    assert finder.lost is lost and asked == [SE2()]
+    finder.judge(seen, 0, SE2(), SURE, lambda pose: there if pose.x_m > 1.0 else here)
+    assert finder.lost is lost
 
 
 @pytest.mark.parametrize(("share", "found"), [(0.7, True), (0.3, False), (math.nan, False)])

@@ -15,7 +15,7 @@ TICK_NS = 20_000_000
 
 def lost():
     now = situation(CONFIG, Contact(0))
-    now.health, now.recognised = "lost", 0.0
+    now.health, now.recognised, now.recognised_round = "lost", 0.0, 0.0
     return now
 
 
@@ -45,9 +45,16 @@ def test_a_place_that_is_recognised_is_gone_on_from():
 
 def test_after_a_turn_that_shows_the_same_things_it_stays_where_it_was():
     now, resume, settled = lost(), Idle(), []
-    now.recognised, now.settle = 0.8, lambda: settled.append(now.turned_rad)
+    now.recognised_round, now.settle = 0.8, lambda: settled.append(now.turned_rad)
     assert live(now, Lost(resume)).then is resume
     assert settled and settled[0] > 5.0
+
+
+def test_one_view_that_looks_like_the_place_before_does_not_settle_it():
+    now, settled = lost(), []
+    now.recognised, now.recognised_round = 0.9, 0.5
+    now.settle = lambda: settled.append(now.turned_rad)
+    assert "does not recognise" in live(now, Lost(Idle())).reason and not settled
 
 
 def test_it_gives_up_where_nothing_is_known():
