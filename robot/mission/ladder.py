@@ -1,7 +1,7 @@
 """The ladder out of trouble: its rungs, each bounded in time and in distance.
 
 A trouble begins with the first recovery after free driving and ends when the robot has driven
-freely for `mission.recover_reset_m` and got away from the place, or had some seconds of peace.
+freely for `mission.recover_reset_m` and got away from the place, had peace, or got work done.
 Within one trouble every try climbs higher: it backs off farther and turns more, then wiggles, then
 goes back the way it came; after each try the plan is made anew. The whole trouble is bounded by
 `recover_tries`, `recover_limit_s` and `recover_limit_m`; then the robot gives up and says why.

@@ -45,6 +45,7 @@ class RunRecord:
     trouble_over_ns: int = 0  # when the last one ended
     trouble_place: SE2 = field(default_factory=SE2)  # odom_from_base where the first of them began
     trouble_back_m: float = 0.0  # backed off since then
+    trouble_swept_m2: float = 0.0  # what had been swept then
     trouble_stop: str = ""  # the motor controller's stop that was no touch, in one of them
     trouble_kinds: set[str] = field(default_factory=set)  # of all of them
     held_at: list[SE2] = field(default_factory=list)  # odom_from_base where wheels were held

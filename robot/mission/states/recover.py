@@ -40,7 +40,8 @@ TOUCH_HALF_M = 0.025  # half the width of what is marked at least
 HELD_MOST = 2
 HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's edge, a cable
 FORGET_M = 1.0
-CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, or so far from the last
+CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, so far from the last,
+WORK_M2 = 0.1  # or after so much that was swept
 STRIP_M = 0.3  # of a wall, to either side: who drives along it would touch it again and again
 
 
@@ -66,6 +67,7 @@ class Recover(State):
         if run.troubles == 0:
             run.trouble_since_ns, run.trouble_back_m = now.t_ns, 0.0
             run.trouble_place, run.trouble_stop = now.odom, ""
+            run.trouble_swept_m2 = now.swept.area_m2
             run.trouble_kinds.clear()
         if self._kind == "enclosed":  # it came in, so there is a way: its own marks may be wrong
             now.grid.forget_touches(now.pose, FORGET_M)
@@ -227,11 +229,12 @@ class Recover(State):
 
 
 def _is_another(now: Situation) -> bool:
-    """Whether the robot has driven on freely since the last trouble, for some time or well away."""
+    """Whether the robot has driven on freely since the last trouble, and got on with its work."""
     run = now.run
     freely = now.driven_m - run.trouble_at_m > now.config.recover_reset_m
     calm = seconds(run.trouble_over_ns, now.t_ns) > CALM_S
-    return freely and (calm or now.odom.distance_m(run.trouble_place) > AWAY_M)
+    away = now.odom.distance_m(run.trouble_place) > AWAY_M
+    return freely and (calm or away or now.swept.area_m2 - run.trouble_swept_m2 > WORK_M2)
 
 
 def _touched(now: Situation, low_rad: float, high_rad: float) -> tuple[np.ndarray, np.ndarray]:

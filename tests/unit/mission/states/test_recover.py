@@ -117,13 +117,14 @@ def test_tries_without_progress_escalate_to_the_own_trail_and_then_give_up():
 
 
 @pytest.mark.parametrize(
-    ("over_s", "away_m", "first"), [(1, 0.1, False), (1, 0.8, True), (20, 0.1, True)]
+    ("over_s", "away_m", "swept_m2", "first"),
+    [(1, 0.1, 0.0, False), (1, 0.8, 0.0, True), (20, 0.1, 0.0, True), (1, 0.1, 0.2, True)],
 )
-def test_free_driving_makes_the_next_trouble_a_first_one(over_s, away_m, first):
+def test_free_driving_makes_the_next_trouble_a_first_one(over_s, away_m, swept_m2, first):
     life = Life(Contact(0, bump_left=True))
     run = life.now.run
     run.troubles, run.trouble_at_m, run.trouble_place = 2, 0.0, SE2(away_m)
-    run.trouble_over_ns = life.now.t_ns - over_s * 10**9
+    run.trouble_over_ns, run.trouble_swept_m2 = life.now.t_ns - over_s * 10**9, -swept_m2
     life.recover("bump")
     assert life.now.run.troubles == (1 if first else 3)
 
