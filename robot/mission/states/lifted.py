@@ -16,7 +16,6 @@ TURN_RADPS = 0.6
 TURNS_RAD = 4.0 * math.pi
 TIMEOUT_S = 30.0
 SURE, ENOUGH = 0.75, 0.5  # share of what is seen that the map knows: at once, after half a turn
-SETTLED = 0.7  # of all that was seen round about
 
 
 class Lifted(State):
@@ -25,6 +24,7 @@ class Lifted(State):
     name = "lifted"
     guarded = False
     happened = "it was put down"
+    settled_share = 0.7  # of all that was seen round about: it was put back
 
     def __init__(self, resume: State | Name) -> None:
         self._resume = resume
@@ -54,7 +54,8 @@ class Lifted(State):
     def _look(self, now: Situation, down_s: float) -> Step:
         turned = now.turned_rad - self._from_rad
         share = 0.0 if math.isnan(now.recognised) else now.recognised
-        if now.recognised_round >= SETTLED and turned >= SETTLE_RAD and now.health == "lost":
+        same = share >= SURE and now.recognised_round >= self.settled_share
+        if same and turned >= SETTLE_RAD and now.health == "lost":
             now.settle()  # what it sees stands where it was: nobody carried it away
             return Step(then=self._resume, reason=f"{self.happened} where it was")
         enough = SURE if turned < math.pi else ENOUGH
@@ -76,3 +77,4 @@ class Lost(Lifted):
 
     name = "lost"
     happened = "it found itself"
+    settled_share = 0.45  # nobody felt that it was carried, and a map has gaps

@@ -6,7 +6,7 @@ from situations import situation
 from robot.config import Config
 from robot.geometry.se2 import exp
 from robot.messages import Contact
-from robot.mission.states.lifted import Lost
+from robot.mission.states.lifted import Lifted, Lost
 from robot.mission.states.rest import Idle
 
 CONFIG = Config()
@@ -43,18 +43,25 @@ def test_a_place_that_is_recognised_is_gone_on_from():
     assert live(now, Lost(resume)).then is resume
 
 
-def test_after_a_turn_that_shows_the_same_things_it_stays_where_it_was():
+@pytest.mark.parametrize(
+    ("state", "share", "round_about", "settles"),
+    [
+        (Lost, 0.8, 0.5, True),
+        (Lost, 0.8, 0.3, False),
+        (Lost, 0.6, 0.9, False),
+        (Lifted, 0.8, 0.8, True),
+        (Lifted, 0.8, 0.5, False),
+    ],
+)
+def test_after_a_turn_that_shows_the_same_things_it_stays_where_it_was(
+    state, share, round_about, settles
+):
     now, resume, settled = lost(), Idle(), []
-    now.recognised_round, now.settle = 0.8, lambda: settled.append(now.turned_rad)
-    assert live(now, Lost(resume)).then is resume
-    assert settled and settled[0] > 5.0
-
-
-def test_one_view_that_looks_like_the_place_before_does_not_settle_it():
-    now, settled = lost(), []
-    now.recognised, now.recognised_round = 0.9, 0.5
+    now.recognised, now.recognised_round = share, round_about
     now.settle = lambda: settled.append(now.turned_rad)
-    assert "does not recognise" in live(now, Lost(Idle())).reason and not settled
+    step = live(now, state(resume))
+    assert bool(settled) is settles and (step.then is resume) is settles
+    assert not settled or settled[0] > 5.0
 
 
 def test_it_gives_up_where_nothing_is_known():
