@@ -53,23 +53,23 @@ def back_off_m(now: Situation, kind: Kind, tries: int) -> float:
     wished_m = now.config.back_off_m * (1.0 + 0.5 * (tries - 1))
     if kind == "cliff":
         wished_m *= 1.5
-    left_m = now.config.recover_limit_m - now.run.trouble_back_m
+    left_m = now.config.recover_limit_m - now.run.trouble.back_m
     return max(0.0, min(wished_m, RUNGS["back"].limit_m, left_m))
 
 
 def exhausted(now: Situation, kind: Kind, tries: int, stop: str) -> str:
     """Why the robot gives up now, empty while it may try on."""
     run, config = now.run, now.config
-    took_s = seconds(run.trouble_since_ns, now.t_ns)
+    took_s = seconds(run.trouble.since_ns, now.t_ns)
     limit_s = config.recover_limit_s
-    if "enclosed" in run.trouble_kinds:
+    if "enclosed" in run.trouble.kinds:
         limit_s = min(limit_s, CLOSED_IN_S)
     over = tries > config.recover_tries or took_s > limit_s
-    if not over and run.trouble_back_m < config.recover_limit_m - 0.01:
+    if not over and run.trouble.back_m < config.recover_limit_m - 0.01:
         return ""
     done = max(1, tries - 1)
     how = f"gave up after {done} {'try' if done == 1 else 'tries'} in {took_s:.0f} s"
-    return f"the robot {SAYS[kind]}, {how}: {_cause(now, kind, stop + run.trouble_stop)}"
+    return f"the robot {SAYS[kind]}, {how}: {_cause(now, kind, stop + run.trouble.stop)}"
 
 
 def _cause(now: Situation, kind: Kind, stop: str) -> str:
@@ -78,7 +78,7 @@ def _cause(now: Situation, kind: Kind, stop: str) -> str:
         return "a wheel is blocked; take out what holds it"
     if "current" in stop:
         return "a motor draws too much; take out what holds it"
-    kinds = now.run.trouble_kinds
+    kinds = now.run.trouble.kinds
     if "slip" in kinds:
         return "its wheels turn on a slippery floor or it hangs on something; carry it a step away"
     if "enclosed" in kinds or "blocked" in kinds:

@@ -39,7 +39,7 @@ class Retrace(State):
         follower = self._follower
         late = seconds(self._since_ns, now.t_ns) > RETRACE.limit_s
         if follower is None or follower.done or late:
-            now.run.trouble_over_ns = now.t_ns
+            now.run.trouble.over_ns = now.t_ns
             return Step(then=self._resume, reason="back where it came from, making a new plan")
         steering = follower.steer(now.odom)
         return Step(Wish(steering.v_mps, steering.yaw_rate_radps, reason="going back its own way"))

@@ -25,6 +25,21 @@ Name = Literal["undock", "look", "work", "return", "dock", "done", "charge"]
 
 
 @dataclass(slots=True)
+class Trouble:
+    """Tries to get free, until the robot drives on freely: one trouble (`ladder`)."""
+
+    since_ns: int = 0  # when the first of them began,
+    place: SE2 = field(default_factory=SE2)  # odom_from_base then,
+    swept_m2: float = 0.0  # and what had been swept
+    tries: int = 0
+    over_ns: int = 0  # when the last one ended,
+    over_at_m: float = 0.0  # and the distance driven then
+    back_m: float = 0.0  # backed off in all of them
+    kinds: set[str] = field(default_factory=set)  # of all of them
+    stop: str = ""  # the motor controller's last stop that was no touch
+
+
+@dataclass(slots=True)
 class RunRecord:
     """What one cleaning run must remember across its states."""
 
@@ -39,15 +54,7 @@ class RunRecord:
     remaining_m2: float = 0.0
     fruitless_plans: int = 0
     dock_tries: int = 0
-    troubles: int = 0  # since the robot last drove on freely
-    trouble_at_m: float = 0.0  # distance driven when the last one ended
-    trouble_since_ns: int = 0  # when the first of them began
-    trouble_over_ns: int = 0  # when the last one ended
-    trouble_place: SE2 = field(default_factory=SE2)  # odom_from_base where the first of them began
-    trouble_back_m: float = 0.0  # backed off since then
-    trouble_swept_m2: float = 0.0  # what had been swept then
-    trouble_stop: str = ""  # the motor controller's stop that was no touch, in one of them
-    trouble_kinds: set[str] = field(default_factory=set)  # of all of them
+    trouble: Trouble = field(default_factory=Trouble)
     held_at: list[SE2] = field(default_factory=list)  # odom_from_base where wheels were held
     trail: Trail = field(default_factory=Trail)
 

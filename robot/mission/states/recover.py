@@ -21,7 +21,7 @@ from robot.mission.ladder import (
     exhausted,
 )
 from robot.mission.retrace import Retrace
-from robot.mission.state import Latch, Situation, State, Step, seconds
+from robot.mission.state import Latch, Situation, State, Step, Trouble, seconds
 from robot.mission.states.rest import give_up
 
 BACK_MPS = 0.08
@@ -61,22 +61,16 @@ class Recover(State):
 
     def enter(self, now: Situation) -> None:
         now.desk.drop()
-        run = now.run
-        if _is_another(now):
-            run.troubles = 0
-        if run.troubles == 0:
-            run.trouble_since_ns, run.trouble_back_m = now.t_ns, 0.0
-            run.trouble_place, run.trouble_stop = now.odom, ""
-            run.trouble_swept_m2 = now.swept.area_m2
-            run.trouble_kinds.clear()
+        if now.run.trouble.tries == 0 or _is_another(now):
+            now.run.trouble = Trouble(now.t_ns, now.odom, now.swept.area_m2)
+        trouble = now.run.trouble
         if self._kind == "enclosed":  # it came in, so there is a way: its own marks may be wrong
             now.grid.forget_touches(now.pose, FORGET_M)
-        run.troubles += 1
-        self._try = run.troubles
-        self._stop = now.link.stop_reason
-        run.trouble_kinds.add(self._kind)
+        trouble.tries += 1
+        trouble.kinds.add(self._kind)
+        self._try, self._stop = trouble.tries, now.link.stop_reason
         if self._kind == "stop":
-            run.trouble_stop = self._stop
+            trouble.stop = self._stop
         self._next(now, "wait" if self._kind == "blocked" and self._try == 1 else "clear")
         self._pivoted, self._touched_ns = False, now.t_ns
         self._pivot_way = 1.0 if self._try % 2 else -1.0
@@ -84,7 +78,7 @@ class Recover(State):
         self._back_m = back_off_m(now, self._kind, self._try)
         if self._grazes(now):
             self._back_m = GRAZE_BACK_M
-        run.trail.cut(GRAZE_BACK_M)
+        now.run.trail.cut(GRAZE_BACK_M)
         self._mark(now)
         self._hopeless = exhausted(now, self._kind, self._try, self._stop)
 
@@ -120,7 +114,7 @@ class Recover(State):
 
     def _back(self, now: Situation) -> Step:
         if now.driven_m - self._from_m >= self._back_m or self._spent(now):
-            now.run.trouble_back_m += now.driven_m - self._from_m
+            now.run.trouble.back_m += now.driven_m - self._from_m
             self._next(now, "pivot" if now.touching else "turn")
         return Step(Wish(-BACK_MPS, 0.0, reason="backing off"))
 
@@ -162,7 +156,7 @@ class Recover(State):
 
     def _over(self, now: Situation) -> Step:
         """This try is done: a new plan, or the own way back before it."""
-        now.run.trouble_at_m, now.run.trouble_over_ns = now.driven_m, now.t_ns
+        now.run.trouble.over_at_m, now.run.trouble.over_ns = now.driven_m, now.t_ns
         if self._goes_back():
             distance_m = RETRACE_M * (self._try - RETRACE_FROM + 1)
             if self._kind == "enclosed":
@@ -230,11 +224,11 @@ class Recover(State):
 
 def _is_another(now: Situation) -> bool:
     """Whether the robot has driven on freely since the last trouble, and got on with its work."""
-    run = now.run
-    freely = now.driven_m - run.trouble_at_m > now.config.recover_reset_m
-    calm = seconds(run.trouble_over_ns, now.t_ns) > CALM_S
-    away = now.odom.distance_m(run.trouble_place) > AWAY_M
-    return freely and (calm or away or now.swept.area_m2 - run.trouble_swept_m2 > WORK_M2)
+    last = now.run.trouble
+    freely = now.driven_m - last.over_at_m > now.config.recover_reset_m
+    calm = seconds(last.over_ns, now.t_ns) > CALM_S
+    away = now.odom.distance_m(last.place) > AWAY_M
+    return freely and (calm or away or now.swept.area_m2 - last.swept_m2 > WORK_M2)
 
 
 def _touched(now: Situation, low_rad: float, high_rad: float) -> tuple[np.ndarray, np.ndarray]:

@@ -108,7 +108,7 @@ def test_tries_without_progress_escalate_to_the_own_trail_and_then_give_up():
     for _ in range(12):
         life.step, life.now.contact = None, Contact(0, bump_left=True)
         life.now.odom = life.now.pose = SE2()
-        life.now.run.trouble_at_m = life.now.driven_m
+        life.now.run.trouble.over_at_m = life.now.driven_m
         life.recover("bump", max_s=1e6)
         names.append(life.step.then.name)
     limit = CONFIG.mission.recover_tries
@@ -123,10 +123,10 @@ def test_tries_without_progress_escalate_to_the_own_trail_and_then_give_up():
 def test_free_driving_makes_the_next_trouble_a_first_one(over_s, away_m, swept_m2, first):
     life = Life(Contact(0, bump_left=True))
     run = life.now.run
-    run.troubles, run.trouble_at_m, run.trouble_place = 2, 0.0, SE2(away_m)
-    run.trouble_over_ns, run.trouble_swept_m2 = life.now.t_ns - over_s * 10**9, -swept_m2
+    run.trouble.tries, run.trouble.over_at_m, run.trouble.place = 2, 0.0, SE2(away_m)
+    run.trouble.over_ns, run.trouble.swept_m2 = life.now.t_ns - over_s * 10**9, -swept_m2
     life.recover("bump")
-    assert life.now.run.troubles == (1 if first else 3)
+    assert life.now.run.trouble.tries == (1 if first else 3)
 
 
 def test_where_wheels_were_held_before_a_line_across_the_way_is_marked():
@@ -176,7 +176,7 @@ def test_an_open_question_to_the_planner_is_dropped():
 def test_every_rung_is_left_in_time_although_nothing_moves(kind):
     for tries in range(CONFIG.mission.recover_tries):
         life = Life(Contact(0), stop="")
-        life.now.run.troubles, life.now.run.trouble_at_m = tries, life.now.driven_m
+        life.now.run.trouble.tries, life.now.run.trouble.over_at_m = tries, life.now.driven_m
         state, entered = Recover(kind, life.resume), {}
         life.held = True
         state.enter(life.now)
@@ -195,18 +195,18 @@ def test_every_rung_is_left_in_time_although_nothing_moves(kind):
 
 
 def test_a_trouble_ends_after_its_time_and_after_its_way_and_names_the_cause():
-    for spent in ({"trouble_since_ns": -36 * 10**9}, {"trouble_back_m": 1.5}):
+    for spent in ({"since_ns": -36 * 10**9}, {"back_m": 1.5}):
         life = Life(Contact(0, bump_left=True, bump_right=True), stop="bump")
-        life.now.run.troubles, life.now.run.trouble_at_m = 2, life.now.driven_m
+        life.now.run.trouble.tries, life.now.run.trouble.over_at_m = 2, life.now.driven_m
         for name, value in spent.items():
-            setattr(life.now.run, name, value)
+            setattr(life.now.run.trouble, name, value)
         life.recover("bump")
         assert life.step.then.name == "error" and "bumper stays pressed" in life.step.reason
 
 
 def test_a_stall_is_named_as_a_wheel():
     life = Life(Contact(0), stop="stall")
-    life.now.run.troubles, life.now.run.trouble_at_m = 8, life.now.driven_m
+    life.now.run.trouble.tries, life.now.run.trouble.over_at_m = 8, life.now.driven_m
     life.recover("stop")
     assert "a wheel is blocked" in life.step.reason and "gave up after 8 tries" in life.step.reason
 
@@ -216,7 +216,7 @@ def test_the_cause_is_named_although_the_last_try_met_something_else():
         life = Life(Contact(0), stop=stop)
         life.recover(kind)
         life.step, life.now.contact = None, Contact(0, bump_left=True)
-        life.now.run.troubles, life.now.run.trouble_at_m = 8, life.now.driven_m
+        life.now.run.trouble.tries, life.now.run.trouble.over_at_m = 8, life.now.driven_m
         life.recover("bump")
         assert words in life.step.reason
 
@@ -226,12 +226,15 @@ def test_backing_off_in_one_trouble_is_bounded_in_metres():
     backed_m = 0.0
     for _ in range(CONFIG.mission.recover_tries + 1):
         life.step, before_m = None, life.now.driven_m
-        life.now.run.trouble_at_m, life.now.link = life.now.driven_m, LinkState(0, True, "stall")
-        life.now.run.trouble_since_ns = life.now.t_ns
+        life.now.run.trouble.over_at_m, life.now.link = (
+            life.now.driven_m,
+            LinkState(0, True, "stall"),
+        )
+        life.now.run.trouble.since_ns = life.now.t_ns
         life.recover("stop", max_s=1e6)
         backed_m += life.now.driven_m - before_m
     assert life.step.then.name == "error"
-    assert life.now.run.trouble_back_m <= CONFIG.mission.recover_limit_m + 0.02
+    assert life.now.run.trouble.back_m <= CONFIG.mission.recover_limit_m + 0.02
 
 
 def test_closed_in_by_its_own_marks_it_forgets_them():
