@@ -161,14 +161,15 @@ class Sight:
                 body_m = min(body_m, max(0.0, slim_m))
         return Corridor(body_m, graze_m)
 
-    def rooms_beside_m(self, odom_from_base: SE2) -> tuple[float, float]:
+    def rooms_beside_m(self, odom_from_base: SE2, *, mapped: bool = False) -> tuple[float, float]:
         """From the robot's flanks to what stands at its left and at its right; NaN: nothing near.
 
-        Of what has just been seen, or else of what the map knows. What is a little ahead counts, as
-        the robot will be there soon.
+        Of what has just been seen; with `mapped` else of what the map knows, which may be a cliff.
+        What is a little ahead counts, as the robot will be there soon.
         """
         rooms_m = [math.nan, math.nan]
-        for memory, witnesses in ((self._near_m, WITNESSES), (self._mapped_m, 1)):
+        known = ((self._near_m, WITNESSES), (self._mapped_m, 1))
+        for memory, witnesses in known if mapped else known[:1]:
             points = odom_from_base.inverse().apply(memory)
             beside = points[(points[:, 0] > -BESIDE_BACK_M) & (points[:, 0] < BESIDE_AHEAD_M), 1]
             for i, away_m in enumerate((beside, -beside)):

@@ -2,7 +2,8 @@
 
 The map and the eyes know a wall to some centimetres, the bumper to a millimetre. So a robot that
 sweeps along something comes slowly nearer to it. Where its side touches it swings free, keeps a
-hair off the line on which it touched, and goes on: no trouble, no new plan.
+hair off the line on which it touched, and goes on: no trouble, no new plan. It never comes nearer
+to what only the map knows: there may be no wall but stairs.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ class Hug:
         if self._swing is not None:
             return not self._swing.failed
         side = float(now.contact.bump_left) - float(now.contact.bump_right)
-        left_m, right_m = now.gate.sight.rooms_beside_m(now.odom)
+        left_m, right_m = now.gate.sight.rooms_beside_m(now.odom, mapped=True)
         since_m = now.driven_m - self._felt_at_m
         if side == 0.0 or math.isnan(left_m if side > 0.0 else right_m) or since_m < AGAIN_M:
             return False

@@ -8,13 +8,14 @@ from situations import situation
 
 from robot.config import Config
 from robot.geometry.se2 import SE2, exp
-from robot.messages import ClearOrder, Contact, LinkState
+from robot.messages import ClearOrder, Contact, LinkState, Scan
 from robot.mission.hug import ASIDE_M, SWING_RAD, SWUNG_S, Hug
 
 CONFIG = Config()
 RADIUS_M = CONFIG.robot.radius_m
 TICK_NS = 20_000_000
 CRUISE_MPS = 0.15
+BEARINGS = np.linspace(-0.6, 0.6, 120)
 
 
 class Along:
@@ -26,16 +27,21 @@ class Along:
     def __init__(self, side, wall_m, seen_off_m=0.0):
         self.side, self.wall_m = side, wall_m
         self.now, self.hug = situation(CONFIG, Contact(0)), Hug()
-        x = np.arange(-1.0, 6.0, 0.02)
-        y = np.full_like(x, side * (RADIUS_M + wall_m + seen_off_m))
-        self.seen = np.stack([x, y], axis=-1)
+        self.seen_y_m = side * (RADIUS_M + wall_m + seen_off_m)
         self.touches, self.lateral_m, self.wishes = [], [], []
+
+    def scan(self):
+        """The wall from where the robot is."""
+        with np.errstate(divide="ignore"):
+            range_m = (self.seen_y_m - self.now.odom.y_m) / np.sin(self.now.odom.yaw_rad + BEARINGS)
+        range_m[(range_m < 0.1) | (range_m > 3.0)] = math.nan
+        return Scan(BEARINGS, range_m, np.nan_to_num(range_m, nan=2.0))
 
     def tick(self):
         now, hug = self.now, self.hug
         now.t_ns += TICK_NS
-        away = np.abs(self.seen[:, 0] - now.odom.x_m) < 0.6
-        now.gate.sight.know(self.seen[away])
+        if now.t_ns % (5 * TICK_NS) == 0:
+            now.gate.sight.see(now.t_ns, now.odom, self.scan())
         y = now.odom.y_m
         touching = self.side * y > self.wall_m
         now.contact = Contact(
@@ -99,13 +105,20 @@ def test_it_swings_off_without_a_wheel_pushing_forward_and_faces_its_way_again()
 
 def test_it_never_goes_far_from_its_path():
     along = Along(1.0, 0.15, 0.0)
-    along.seen[:, 1] -= 0.10  # seen near, and not there
+    along.seen_y_m -= 0.10  # seen near, and not there
     assert along.drive(3.0) and not along.touches
     assert max(along.lateral_m) < ASIDE_M + 0.005
 
 
 def test_beside_nothing_it_stays_on_its_path():
     along = Along(1.0, 1.0)
+    assert along.drive(1.0)
+    assert max(map(abs, along.lateral_m)) < 1e-6
+
+
+def test_to_what_only_the_map_knows_it_comes_no_nearer():
+    along = Along(1.0, 1.0)
+    along.now.gate.sight.know(np.stack([np.arange(-1, 3, 0.02), np.full(200, RADIUS_M + 0.03)], 1))
     assert along.drive(1.0)
     assert max(map(abs, along.lateral_m)) < 1e-6
 
@@ -138,7 +151,7 @@ def test_round_a_corner_what_was_felt_is_past():
     felt_m = along.hug.aside_m
     now = along.now
     now.pose = now.odom = SE2(now.odom.x_m, now.odom.y_m, 1.2)
-    now.gate.sight.know(np.zeros((0, 2)))
+    now.gate.sight.forget()
     now.t_ns += 200_000_000
     along.hug.look(now, 0.0)
     assert 0.0 <= along.hug.aside_m < 0.8 * felt_m
