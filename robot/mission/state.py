@@ -56,6 +56,7 @@ class RunRecord:
     dock_tries: int = 0
     trouble: Trouble = field(default_factory=Trouble)
     held_at: list[SE2] = field(default_factory=list)  # odom_from_base where wheels were held
+    touched_at: list[SE2] = field(default_factory=list)  # and where something was touched
     trail: Trail = field(default_factory=Trail)
 
 

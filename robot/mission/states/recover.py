@@ -36,7 +36,9 @@ USUAL = 0.7  # where on a side it is touched when nothing is known: most touches
 TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was touched
 TOUCH_DEPTH_M = 0.015  # the nearest of it, as thick as the map is unsure: its middle was touched
 TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
-TOUCH_HALF_M = 0.025  # half the width of what is marked at least
+TOUCH_HALF_M = 0.025  # half the width of what is marked at least,
+TOUCHED_MOST = 3  # and so often it doubles with touches so near to one another:
+TOUCHED_NEAR_M = 0.3
 HELD_MOST = 2
 HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's edge, a cable
 FORGET_M = 1.0
@@ -64,6 +66,8 @@ class Recover(State):
         if now.run.trouble.tries == 0 or _is_another(now):
             now.run.trouble = Trouble(now.t_ns, now.odom, now.swept.area_m2)
         trouble = now.run.trouble
+        if trouble.kinds == {"bump"} == {self._kind}:  # its work between two touches is no trouble
+            trouble.since_ns += now.t_ns - max(trouble.over_ns, trouble.since_ns)
         if self._kind == "enclosed":  # it came in, so there is a way: its own marks may be wrong
             now.grid.forget_touches(now.pose, FORGET_M)
         trouble.tries += 1
@@ -201,11 +205,13 @@ class Recover(State):
     def _mark(self, now: Situation) -> None:
         """Write into the map what was met, so that the next plan avoids it."""
         contact = now.contact
-        held = self._held_here(now) if self._kind in ("stop", "slip") else 0
+        held = _times_before(now, now.run.held_at, AWAY_M) if self._kind in ("stop", "slip") else 0
         if self._kind in ("bump", "stuck") or held:
             side = "front" if contact.bump_left == contact.bump_right else "left"
             side = "right" if side == "left" and contact.bump_right else side
-            now.grid.mark_obstacle(*_touched(now, *SIDES_RAD[side]))
+            times = _times_before(now, now.run.touched_at, TOUCHED_NEAR_M)
+            half_m = TOUCH_HALF_M * 2.0 ** min(times, TOUCHED_MOST)
+            now.grid.mark_obstacle(*_touched(now, *SIDES_RAD[side], half_m))
             if held:
                 now.grid.mark_obstacle(_across(now, HELD_HALF_M * min(held, HELD_MOST)))
         elif self._kind == "cliff":
@@ -215,11 +221,12 @@ class Recover(State):
             world_from_odom = now.pose @ now.odom.inverse()
             now.grid.mark_obstacle(world_from_odom.apply(points))
 
-    def _held_here(self, now: Situation) -> int:
-        """How often its wheels were held about here before."""
-        before = sum(now.odom.distance_m(place) < AWAY_M for place in now.run.held_at)
-        now.run.held_at.append(now.odom)
-        return before
+
+def _times_before(now: Situation, places: list[SE2], within_m: float) -> int:
+    """How many of the `places` (in odom) are about here; this one is added to them."""
+    before = sum(now.odom.distance_m(place) < within_m for place in places)
+    places.append(now.odom)
+    return before
 
 
 def _is_another(now: Situation) -> bool:
@@ -231,12 +238,15 @@ def _is_another(now: Situation) -> bool:
     return freely and (calm or away or now.swept.area_m2 - last.swept_m2 > WORK_M2)
 
 
-def _touched(now: Situation, low_rad: float, high_rad: float) -> tuple[np.ndarray, np.ndarray]:
+def _touched(
+    now: Situation, low_rad: float, high_rad: float, half_m: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 2) of `world` where the bumper met something between two bearings, and its normal.
 
     If the map knows matter close to the rim there, that is what was touched, and as much of it as
     lies along the touched tangent within `STRIP_M` is moved there: the map was off. Otherwise the
-    middle of the side is as good a guess as any. Marking more would close narrow passages.
+    middle of the side is as good a guess as any. At least `half_m` to either side is marked: more
+    would close narrow passages, less would make it feel its way along what it cannot see.
     """
     guess = USUAL * (low_rad + high_rad)
     rim_m = now.robot.radius_m + TOUCH_GAP_M
@@ -251,13 +261,18 @@ def _touched(now: Situation, low_rad: float, high_rad: float) -> tuple[np.ndarra
     tangent = np.array([-normal[1], normal[0]])
     beyond, along = at @ normal - rim_m, at @ tangent
     wall = (np.abs(beyond) < TOUCH_REACH_M) & (np.abs(along) < STRIP_M)
-    strip = np.outer(np.append(along[wall], [-TOUCH_HALF_M, 0.0, TOUCH_HALF_M]), tangent)
+    strip = np.outer(np.append(along[wall], _line(half_m)), tangent)
     return now.pose.apply(strip + rim_m * normal), SE2(yaw_rad=now.pose.yaw_rad).apply(normal)
+
+
+def _line(half_m: float) -> np.ndarray:
+    """Places (n,) from -half_m to half_m, near enough to one another to be a line in the map."""
+    return np.linspace(-half_m, half_m, 2 * round(half_m / TOUCH_HALF_M) + 1)
 
 
 def _across(now: Situation, half_m: float) -> np.ndarray:
     """Points (n, 2) of `world` on a line before the robot, across its way."""
-    y = np.linspace(-half_m, half_m, 2 * round(half_m / TOUCH_HALF_M) + 1)
+    y = _line(half_m)
     ahead = np.full(len(y), now.robot.radius_m + TOUCH_GAP_M)
     return now.pose.apply(np.stack([ahead, y], axis=-1))
 

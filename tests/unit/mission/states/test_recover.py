@@ -141,6 +141,28 @@ def test_where_wheels_were_held_before_a_line_across_the_way_is_marked():
     assert wide_m[0] == 0.0 and 0.2 < wide_m[1] < 0.4 and 0.5 < wide_m[2] < 0.7
 
 
+def test_what_is_touched_again_and_again_is_marked_wider_each_time():
+    life = Life(Contact(0))
+    wide_m = []
+    for _ in range(4):
+        life.step, life.now.contact = None, Contact(0, bump_left=True, bump_right=True)
+        life.now.odom = life.now.pose = SE2()
+        life.recover("bump")
+        wide_m.append(float(np.ptp(occupied(life.now.grid.snapshot())[:, 1])))
+    assert wide_m == sorted(wide_m) and wide_m[0] < 0.1 and 0.3 < wide_m[-1] < 0.5
+
+
+def test_work_between_two_touches_is_no_time_of_trouble():
+    for kind, ends in (("bump", "idle"), ("slip", "error")):
+        life = Life(Contact(0, bump_left=True))
+        life.recover(kind)
+        life.now.t_ns += 40 * 10**9  # 40 s, but not far away, and nothing swept
+        life.step, life.now.contact = None, Contact(0, bump_left=True)
+        life.now.run.trouble.over_at_m = life.now.driven_m
+        life.recover("bump", max_s=1e6)
+        assert life.step.then.name == ends
+
+
 def test_a_cliff_is_marked_across_the_way():
     life = Life(Contact(0, cliff=True), stop="cliff")
     life.recover("cliff")
