@@ -195,9 +195,13 @@ class LandmarkFilter(ExtendedKalmanFilter):
     def put(self, pose: np.ndarray, cov: np.ndarray) -> None:
         """Put the robot to `pose` (3,) with covariance `cov` (3, 3), known from elsewhere."""
         self.x[POSE] = pose
-        self.P[POSE] = 0.0
-        self.P[:, POSE] = 0.0
-        self.P[POSE, POSE] = cov
+        self.doubt(POSE, cov)
+
+    def doubt(self, part: slice, cov: np.ndarray) -> None:
+        """Know a part of the state to `cov` only, and apart from all else; its values stay."""
+        self.P[part] = 0.0
+        self.P[:, part] = 0.0
+        self.P[part, part] = cov
 
     def bend(self, turn_rad: float) -> tuple[complex, complex]:
         """What a position's change is multiplied by when the heading's is `turn_rad`; its slope."""

@@ -53,9 +53,16 @@ def remember(known: LandmarkMap, places: PlacePoints) -> SlamMemory:
 
 
 def restore(memory: SlamMemory, ekf: LandmarkFilter, known: LandmarkMap) -> None:
-    """Put a memory into a new filter and its map; the pose is unknown."""
+    """Put a memory into a new filter and its map; the pose is unknown.
+
+    The calibration is as unsure as the new filter's: a gyro's bias is another at every start.
+    """
+    from robot.slam.ekf import CALIBRATION  # filterpy takes a second to import
+
+    unsure = ekf.P[CALIBRATION, CALIBRATION].copy()
     ekf.x, ekf.P = memory.state.copy(), memory.cov.copy()
     ekf.put(np.zeros(3), np.diag(_POSE_SIGMA) ** 2)
+    ekf.doubt(CALIBRATION, unsure)
     bits = 2.0 * np.unpackbits(memory.signature, axis=1).astype(np.float32) - 1.0
     views: list[list[np.ndarray]] = [[] for _ in memory.kind]
     for of, row in zip(memory.signature_of.tolist(), bits, strict=True):
