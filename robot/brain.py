@@ -56,7 +56,6 @@ from robot.slam.slam import Slam
 MAP_REPORT_NS = 2_000_000_000
 VIEW_EVERY_NS = 400_000_000
 DOCKED_COV = np.diag([0.02, 0.02, 0.05]) ** 2  # m, m, rad: how exactly it stands on its dock
-AGAINST = 0.4  # of what is seen stands where the map is free: is this the place?
 NOTHING = Grid(0.05, 0.0, 0.0, np.full((1, 1), -1, np.int8))
 SETTLED_COV = np.diag([0.06, 0.06, 0.06]) ** 2  # where the map knows what is seen
 
@@ -166,8 +165,6 @@ class Brain:
             self._sight.see(seen.t_ns, seen.marker, odom_from_base, world_from_base)
         self._slip.see(seen.t_ns, seen.motion)
         self._recognition.see(self._view, estimate.world_from_base, seen.scan)
-        if self._recognition.against > AGAINST:
-            self._slam.suspect(seen.t_ns)
         if tells_something(seen, self._config.mission.blind_quality):
             self._sighted_ns = seen.t_ns
         trusted = self._mission.trusts_place

@@ -16,7 +16,6 @@ NEAR_M = 0.08  # a hit so near to matter of the map is known
 MEMORY = 150.0  # hits: some frames' worth
 FADE = 0.8  # of them stays with every frame: a few false ones in wide rooms never make a view
 MIN_HITS = 40.0
-WIDE_HITS = 75.0  # less does not speak against a place
 RECENT_NS = 2_000_000_000  # what was seen so lately is tried at another pose
 
 
@@ -29,7 +28,7 @@ class Recognition:
 
     def forget(self) -> None:
         """Begin anew, at another place perhaps."""
-        self._seen = self._known = self._against = 0.0
+        self._seen = self._known = 0.0
         self._all_seen = self._all_known = 0
         self._recent.clear()
 
@@ -43,11 +42,6 @@ class Recognition:
         """The same of all that was seen since it began anew."""
         return self._all_known / self._all_seen if self._all_seen >= MIN_HITS else math.nan
 
-    @property
-    def against(self) -> float:
-        """Share of what was seen that stands where the map says free; NaN while that is little."""
-        return self._against / self._seen if self._seen >= WIDE_HITS else math.nan
-
     def look(self, t_ns: int, odom_from_base: SE2, scan: Scan) -> None:
         """Take in a scan with the odometry pose at the time of its frame."""
         while self._recent and t_ns - self._recent[0][0] > RECENT_NS:
@@ -59,17 +53,15 @@ class Recognition:
         hits = np.vstack([points for _, points in self._recent] or [np.zeros((0, 2))])
         if len(hits) < MIN_HITS:
             return math.nan
-        return float(_near_matter(grid, world_from_odom.apply(hits))[0].mean())
+        return float(_near_matter(grid, world_from_odom.apply(hits)).mean())
 
     def see(self, grid: Grid, world_from_base: SE2, scan: Scan) -> None:
         """Add a scan taken from where the robot believes to be."""
         hits = world_from_base.apply(_hits(scan))
-        near, free = _near_matter(grid, hits)
-        known, against = int(near.sum()), int((free & ~near).sum())
+        known = int(_near_matter(grid, hits).sum())
         keep = min(FADE, max(0.0, MEMORY - len(hits)) / max(self._seen, 1e-9))
         self._seen = self._seen * keep + len(hits)
         self._known = self._known * keep + known
-        self._against = self._against * keep + against
         self._all_seen, self._all_known = self._all_seen + len(hits), self._all_known + known
 
 
@@ -80,18 +72,16 @@ def _hits(scan: Scan) -> np.ndarray:
     return np.stack([r * np.cos(b), r * np.sin(b)], axis=-1)
 
 
-def _near_matter(grid: Grid, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which of the points (n, 2) of `world` lie close to an occupied cell, and which in a free."""
+def _near_matter(grid: Grid, points_m: np.ndarray) -> np.ndarray:
+    """Which of the points (n, 2) of `world` lie close to an occupied cell."""
     res = grid.resolution_m
     origin = np.array([grid.origin_x_m, grid.origin_y_m])
     cells = np.floor((points_m - origin) / res).astype(int)
     rows, columns = grid.cells.shape
     inside = (cells >= 0).all(axis=1) & (cells[:, 0] < columns) & (cells[:, 1] < rows)
-    near, free = np.zeros(len(points_m), bool), np.zeros(len(points_m), bool)
+    near = np.zeros(len(points_m), bool)
     if not inside.any():
-        return near, free
-    there = grid.cells[cells[inside, 1], cells[inside, 0]]
-    free[inside] = (there >= 0) & (there < 50)
+        return near
     pad = math.ceil(NEAR_M / res)
     low = np.maximum(cells[inside].min(axis=0) - pad, 0)
     high = cells[inside].max(axis=0) + pad + 1
@@ -100,4 +90,4 @@ def _near_matter(grid: Grid, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarr
     grown = cv2.dilate(matter, kernel)
     at = cells[inside] - low
     near[inside] = grown[at[:, 1], at[:, 0]] > 0
-    return near, free
+    return near

@@ -22,13 +22,11 @@ from robot.slam.relocalise import Glimpse, Relocaliser
 
 FAMILIAR_NS = 10_000_000_000  # a landmark known for so long was not born of an error just made
 _FAMILIAR_COUNT = 3
-_MANY = 6  # tracks that do not end in the same moment by chance
 _CROWD = 40  # points that tell a motion, and in the next frame never less than a motion needs,
 _NEXT_NS = 250_000_000  # if that follows so soon
 _READABLE = 0.5  # and has so much of its quality: no dark, no wall before the eyes
 _KEPT = 0.125  # of the tracks seem to go on elsewhere, by likeness
 _DOUBT_NS = 1_500_000_000  # without a familiar landmark for so long, the pose is checked
-_SUSPECT_NS = 1_000_000_000  # and for so long, it is not believed against other evidence
 _QUARANTINE_NS = 30_000_000_000
 _DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 2_500_000_000
 _APART_M, _APART_RAD = 0.4, 0.35  # drift stays below: found farther away, the robot was carried
@@ -56,7 +54,6 @@ class SelfFinder:
         self._held = 0  # points that told its motion
         self._quality, self._frame_ns = 0.0, 0
         self._broken_ns = 0  # when nothing was followed on: what was seen before stands apart
-        self._torn_ns = 0  # when many tracks ended all at once, as they do when it is carried
 
     def moved(self, previous_from_current: SE2) -> None:
         """Carry the local frame along with the odometry."""
@@ -67,17 +64,6 @@ class SelfFinder:
         self.lost = True
         self._drop_new()
         self._relocaliser = Relocaliser()
-
-    def suspect(self, t_ns: int) -> None:
-        """What stands around is not what the map says: without familiar landmarks, be lost.
-
-        But only if, since then, all that was followed ended in one moment, as when somebody carries
-        the robot: facing a plain wall, or in wide rooms, what stands around is often misread.
-        """
-        if self.lost or self._sure_ns is None or self._torn_ns <= self._sure_ns:
-            return
-        if t_ns - self._sure_ns > _SUSPECT_NS:
-            self.lose()  # what was seen before would only name the place before
 
     def found(self, t_ns: int) -> None:
         """The robot knows where it is."""
@@ -104,8 +90,6 @@ class SelfFinder:
         kept = len(tracks & self._followed)
         if seen.motion is None and not kept:
             self._broken_ns = seen.t_ns
-            if len(self._followed) >= _MANY:
-                self._torn_ns = seen.t_ns
         if seen.motion is None and self._carried(seen, kept):
             self.lose()
         self._followed, self._held = tracks, 0 if seen.motion is None else seen.motion.inliers

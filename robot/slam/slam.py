@@ -123,13 +123,6 @@ class Slam:
             self._map.move_on(self._mark.t_ns if self._mark else 0)
         self._finder.lose()
 
-    def suspect(self, t_ns: int) -> None:
-        """What stands around is not what the map says; believed where landmarks are silent."""
-        before = self._finder.lost
-        self._finder.suspect(t_ns)
-        if self._finder.lost and not before:
-            self._map.move_on(self._finder.placed_ns)
-
     def memory(self) -> SlamMemory:
         """All that another run can begin with."""
         return remember(self._map, self._finder.places.points)

@@ -174,22 +174,6 @@ def test_places_alone_do_not_prove_a_pose_that_does_not_fit_the_map(
     assert finder.search(seen) is not None  # nobody knows a map of matter
 
 
-@pytest.mark.parametrize("torn", [False, True])
-def test_what_is_followed_all_the_time_leaves_no_suspicion(torn: bool, ride: Drive) -> None:
-    finder = SelfFinder(CONFIG)
-    finder._relocaliser = Insists(None)  # type: ignore[assignment]
-    seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
-    finder.follow(seen)
-    finder.judge(seen, familiar=5, pose=SE2(), cov=SURE)
-    later = elsewhere(seen) if torn else seen
-    later = replace(later, t_ns=seen.t_ns + 2 * S)
-    finder.follow(later)
-    finder.judge(later, familiar=0, pose=SE2(), cov=SURE)
-    assert not finder.lost
-    finder.suspect(later.t_ns)
-    assert finder.lost is torn
-
-
 def elsewhere(seen: Seen) -> Seen:
     """The next frame, in which nothing of this one is found again."""
     others = tuple(replace(m, track_id=m.track_id + 1000) for m in seen.landmarks)
