@@ -191,7 +191,7 @@ class Mission:
         if self._reported_ns is not None and now.t_ns - self._reported_ns < REPORT_NS:
             return
         self._reported_ns = now.t_ns
-        remaining_m2 = self.run.remaining_m2 if self.run.plans else math.nan
+        remaining_m2 = max(0.0, self.run.due_m2 - now.swept.area_m2) if self.run.plans else math.nan
         now.orders.append(
             MissionState(now.t_ns, self.state.name, self.reason, now.swept.area_m2, remaining_m2)
         )

@@ -51,7 +51,7 @@ class RunRecord:
     started_ns: int = 0
     plans: int = 0
     looks: int = 0
-    remaining_m2: float = 0.0
+    due_m2: float = 0.0  # will have been swept when the last plan is driven
     fruitless_plans: int = 0
     dock_tries: int = 0
     trouble: Trouble = field(default_factory=Trouble)

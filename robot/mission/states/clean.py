@@ -39,7 +39,7 @@ class Clean(State):
         self._ended = False
         self._swept_m2 = now.swept.area_m2
         self._free_m2 = now.known_free_m2
-        self._planned_ns, self._planned_swept_m2 = now.t_ns, now.swept.area_m2
+        self._planned_ns = now.t_ns
         self._order(now)
 
     def bears(self, now: Situation) -> bool:
@@ -72,11 +72,11 @@ class Clean(State):
     def _begin(self, now: Situation, answer: Planned) -> Step | None:
         """Take a new plan, or end the cleaning; None while there is work."""
         self._unanswered = 0
-        expected_m2 = now.run.remaining_m2 - (now.swept.area_m2 - self._planned_swept_m2)
-        now.run.remaining_m2 = answer.remaining_m2
+        expected_m2 = now.run.due_m2 - now.swept.area_m2
+        now.run.due_m2 = now.swept.area_m2 + answer.remaining_m2
         vanished_m2 = expected_m2 - answer.remaining_m2
         if vanished_m2 > ENCLOSED_M2 and answer.remaining_m2 < ENCLOSED_SHARE * expected_m2:
-            now.run.remaining_m2 = expected_m2 / 2.0  # believed after some tries
+            now.run.due_m2 = now.swept.area_m2 + expected_m2 / 2.0  # believed after some tries
             reason = f"{vanished_m2:.1f} m2 of work are suddenly out of reach"
             return Step(then=Recover("enclosed", self), reason=reason)
         if len(answer.path.points_m) == 0:
@@ -88,7 +88,7 @@ class Clean(State):
             if now.run.fruitless_plans >= now.config.fruitless_plans:
                 return finished(now, "the last plans brought nothing new, so that is all")
         now.run.plans += 1
-        self._planned_ns, self._planned_swept_m2 = now.t_ns, now.swept.area_m2
+        self._planned_ns = now.t_ns
         self._free_m2 = now.desk.known_free_m2
         self._drive, self._ended = Drive(answer.path, now, cleans=True), False
         return None
