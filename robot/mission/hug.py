@@ -9,6 +9,7 @@ to what only the map knows: there may be no wall but stairs.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from robot.control.follow import turn_rate_radps
 from robot.control.limits import clamp
@@ -21,6 +22,7 @@ SEEN_ROOM_M = 0.012  # kept to what is only seen, at first
 NEARER, NEARER_FELT = 0.1, 0.02  # metres nearer a metre, before and after it was touched
 FELT_ROOM_M, MORE = 0.008, 2.0  # kept to what was touched, at first; more where it is touched soon
 SOON_M = 0.15
+CAREFUL_M, CAREFUL_MPS = 0.3, 0.12  # after that it is slow for so far: it sees things wrongly there
 ASIDE_M = 0.06  # farther from its path it does not go
 EVERY_S, GAIN = 0.1, 0.4  # what is seen counts so often, so much of the way there
 LEFT_M = 0.3  # with nothing beside for so long, what was felt is past
@@ -78,6 +80,14 @@ class Hug:
         turned = abs(wrap_angle(now.pose.yaw_rad - self._felt[1])) > CORNER_RAD
         if turned or side == -self._side or now.driven_m - self._beside_at_m > LEFT_M:
             self._felt, self._nearer_m = None, 0.0
+
+    def careful(self, now: Situation, wish: Wish) -> Wish:
+        """The same way, slower where it was touched twice on little way."""
+        soon = self._room_m > FELT_ROOM_M and now.driven_m - self._felt_at_m < CAREFUL_M
+        if not soon or wish.v_mps <= CAREFUL_MPS:
+            return wish
+        yaw_rate_radps = wish.yaw_rate_radps * CAREFUL_MPS / wish.v_mps
+        return replace(wish, v_mps=CAREFUL_MPS, yaw_rate_radps=yaw_rate_radps)
 
     # ------------------------------------------------------------------ touching it
 

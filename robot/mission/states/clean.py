@@ -114,7 +114,7 @@ class Clean(State):
 
     def _go_on(self, now: Situation, drive: Drive) -> Step:
         self._hug.look(now, drive.lateral_m)
-        wish = drive.tick(now, self._hug.aside_m)
+        wish = self._hug.careful(now, drive.tick(now, self._hug.aside_m))
         if drive.blocked:
             return self._blocked(now, drive.blocked)
         if drive.done:

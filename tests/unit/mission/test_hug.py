@@ -7,9 +7,10 @@ import pytest
 from situations import situation
 
 from robot.config import Config
+from robot.control.wish import Wish
 from robot.geometry.se2 import SE2, exp
 from robot.messages import ClearOrder, Contact, LinkState, Scan
-from robot.mission.hug import ASIDE_M, SWING_RAD, SWUNG_S, Hug
+from robot.mission.hug import ASIDE_M, CAREFUL_MPS, SWING_RAD, SWUNG_S, Hug
 
 CONFIG = Config()
 RADIUS_M = CONFIG.robot.radius_m
@@ -155,3 +156,22 @@ def test_round_a_corner_what_was_felt_is_past():
     now.t_ns += 200_000_000
     along.hug.look(now, 0.0)
     assert 0.0 <= along.hug.aside_m < 0.8 * felt_m
+
+
+def test_touched_twice_on_little_way_it_goes_on_slowly_for_a_while():
+    now, hug = situation(CONFIG, Contact(0)), Hug()
+    now.gate.sight.know(np.array([[0.0, RADIUS_M + 0.01]]))
+    wish, speeds_mps = Wish(0.24, 0.6), []
+    for driven_m in (1.0, 1.1, 1.3, 1.5):
+        now.driven_m, now.contact = driven_m, Contact(now.t_ns, bump_left=driven_m < 1.2)
+        if now.touching:
+            assert hug.feels(now, 0.0)
+            while hug.swinging:  # off and back, on the spot
+                now.t_ns += TICK_NS
+                now.contact = Contact(now.t_ns)
+                turn_rad = hug.swing(now).yaw_rate_radps * 0.02
+                now.odom = now.pose = SE2(0.0, 0.0, now.odom.yaw_rad + turn_rad)
+        slow = hug.careful(now, wish)
+        assert slow.yaw_rate_radps / slow.v_mps == pytest.approx(2.5)  # the same way
+        speeds_mps.append(slow.v_mps)
+    assert speeds_mps == [0.24, CAREFUL_MPS, CAREFUL_MPS, 0.24]
