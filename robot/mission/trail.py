@@ -22,8 +22,14 @@ class Trail:
         return len(self._crumbs)
 
     def drop_crumb(self, odom_from_base: SE2) -> None:
-        """Remember a place, unless the last one is near."""
-        if not self._crumbs or self._crumbs[-1].distance_m(odom_from_base) >= EVERY_M:
+        """Remember a place, unless one is near: after that one it only went about in a loop."""
+        if self._crumbs and self._crumbs[-1].distance_m(odom_from_base) < EVERY_M:
+            return
+        near = [crumb.distance_m(odom_from_base) < EVERY_M for crumb in self._crumbs]
+        if any(near):
+            for _ in near[near.index(True) + 1 :]:
+                self._crumbs.pop()
+        else:
             self._crumbs.append(odom_from_base)
 
     def back(self, distance_m: float) -> np.ndarray:

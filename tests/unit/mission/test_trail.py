@@ -29,3 +29,12 @@ def test_what_was_gone_back_is_forgotten():
 
 def test_the_memory_is_bounded():
     assert len(walked(20_000)) == KEEP
+
+
+def test_a_loop_is_not_gone_back():
+    trail = walked(17)
+    for k in range(40):  # about, and again where it was after a metre
+        angle_rad = 2.0 * np.pi * k / 39.0
+        trail.drop_crumb(SE2(1.0 + 0.3 * np.sin(angle_rad), 0.3 - 0.3 * np.cos(angle_rad), 0.0))
+    back = trail.back(0.3)
+    assert np.abs(back[:, 1]).max() < 0.01 and (np.diff(back[:, 0]) < 0.0).all()
