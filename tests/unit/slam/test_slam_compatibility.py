@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.slam.compatibility import PairTable, chi2_99, joint_compatibility
+from robot.slam.survey.compatibility import PairTable, chi2_99, joint_compatibility
 
 
 def table(

@@ -12,48 +12,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot.slam.association import mahalanobis, quadratic
-from robot.slam.compatibility import PairTable, joint_compatibility
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
-from robot.slam.iterated import iterated_update
 from robot.slam.motion import compose
-from robot.slam.readings import CHI2_2_99, Readings
 from robot.slam.sensor import expected, locate, residual, sights_of
-from robot.slam.velocity import Velocities, VelocityNoise, velocity_increment
+from robot.slam.survey.compatibility import PairTable, joint_compatibility
+from robot.slam.survey.datum import Datum
+from robot.slam.survey.iterated import iterated_update
+from robot.slam.survey.readings import CHI2_2_99, Readings
+from robot.slam.survey.settings import SurveySettings
+from robot.slam.survey.velocity import Velocities, velocity_increment
 
 _ABSURD_CHI2 = 13.8  # 99.9 %: a named sight so far off carries a wrong name
 _READINGS = 2  # of a name in the same place, before it stays a landmark or makes a leap:
 _BOLD = 100.0  # what tells so much more than the filter knows
 _T_DOF = 4.0  # of Student's distribution, which weighs outliers down
 _REFUSALS = 5
-
-
-@dataclass(frozen=True, slots=True)
-class SurveySettings:
-    """What is known of a base and its sensor from their kind; nothing is fitted to a recording."""
-
-    noise: VelocityNoise
-    range_m: float  # constant part of a range's sigma
-    inverse_range_per_m: float  # part that grows with the square of the range, as disparity's does
-    bearing_rad: float
-    curvature_sigma: float = 0.1  # rad/m
-    speed_scale_sigma: float = 0.1
-    turn_scale_sigma: float = 0.1
-    lag_sigma_s: float = 0.2
-    walk: tuple[float, float, float, float] = (0.002, 0.002, 0.002, 0.002)  # per sqrt(s)
-    confirmations: int = 3  # sights of an unknown thing before it is a landmark
-    confirm_within_s: float = 10.0
-    ghost_sights: int = 5  # a landmark seen less often ...
-    ghost_after_s: float = 20.0  # ... and not again for so long is dropped
-    correlated_s: float = 1.0  # errors of the same sight last about so long
-    new_beyond_chi2: float = 25.0  # a sight nearer than this to a landmark starts none
-    margin: float = 4.0  # a second choice must cost this much more
-    invariant: bool = True
-    start_sigma: tuple[float, float, float] = (0.1, 0.1, 0.05)  # the map's frame is no better known
+_WAYMARK = -2  # the name of a place where the base was, which nobody sees
 
 
 @dataclass(slots=True, eq=False)
 class Known:
-    """One landmark of the filter."""
+    """One landmark of the filter, or a waymark."""
 
     name: int
     sights: int
@@ -77,14 +56,23 @@ class Survey:
         self._readings = Readings(needed, s.confirm_within_s)
         self.t_s: float | None = None
         self._born = 0
+        self._datum = Datum()
 
     def move(self, t_s: float) -> None:
         """Predict up to `t_s`."""
         if self.t_s is None or t_s <= self.t_s:
             self.t_s = t_s if self.t_s is None else self.t_s
             return
+        self._predict(self.t_s, t_s)
+        self.t_s = t_s
+        if self._datum.due(t_s):
+            self._datum.leave(self.ekf, t_s)
+            self.known.append(Known(_WAYMARK, 0, t_s))
+            self._keep(np.delete(np.arange(self.ekf.count), self._waymarks()[self._datum.thin()]))
+
+    def _predict(self, start_s: float, end_s: float) -> None:
         increment = velocity_increment(
-            self._orders, self.t_s, t_s, self.ekf.calibration, self._settings.noise
+            self._orders, start_s, end_s, self.ekf.calibration, self._settings.noise
         )
         end, by_pose, by_increment = compose(self.ekf.x[POSE], increment.previous_from_current)
         self.ekf.predict(
@@ -92,13 +80,12 @@ class Survey:
             by_pose,
             by_increment @ increment.calibration_jacobian,
             by_increment @ increment.cov @ by_increment.T,
-            np.array(self._settings.walk) ** 2 * (t_s - self.t_s),
+            np.array(self._settings.walk) ** 2 * (end_s - start_s),
         )
-        self.t_s = t_s
 
     def pose(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pose (3,) and covariance (3, 3) at the time moved to."""
-        return self.ekf.x[POSE].copy(), self.ekf.head()[POSE, POSE].copy()
+        """Pose (3,) and covariance (3, 3) at the time moved to, in the frame of the datum."""
+        return self._datum.pose(self.ekf)
 
     def see(self, polar: np.ndarray, names: np.ndarray | None = None) -> np.ndarray:
         """Take in a frame of sights (m, 2); returns the landmark names (m,), -1 for none.
@@ -118,6 +105,12 @@ class Survey:
         fresh = np.flatnonzero((matched < 0) & (near > self._settings.new_beyond_chi2))
         self._grow(sights, cov, fresh, names, matched)
         return matched
+
+    def map(self) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """Names, places (n, 2) and covariances (n, 2, 2) of the landmarks, in the same frame."""
+        seen = np.flatnonzero([landmark.name != _WAYMARK for landmark in self.known])
+        told = self._datum.points(self.ekf.landmarks()[seen], self.ekf.landmark_covs()[seen])
+        return [self.known[i].name for i in seen.tolist()], *told
 
     # ------------------------------------------------------------ pairing
 
@@ -139,6 +132,7 @@ class Survey:
             empty = np.zeros((0, 0)), np.zeros((0, 2, 2))
             return PairTable(none, none, np.zeros((0, 2)), *empty), near
         distance = mahalanobis(self.ekf, sights, cov)
+        distance[:, self._waymarks()] = np.inf
         if names is None:
             near = distance.min(axis=1)
             possible = distance < CHI2_2_99
@@ -219,6 +213,7 @@ class Survey:
             iterated_update(self.ekf, lambda: self._linearise(landmark), sights[sight], noise)
         else:  # a leap on the strength of a guessed name is better a short one
             self.ekf.update(columns, jacobian, away, noise)
+        self._datum.follow(self.ekf.landmarks()[self._waymarks()])
         for j in landmark.tolist():
             self.known[j].sights += 1
             self.known[j].last_s = self.t_s
@@ -255,14 +250,22 @@ class Survey:
 
     def _forget(self) -> None:
         """Drop what was seen a few times only and never again, or was placed by a false sight."""
-        kept = [i for i, landmark in enumerate(self.known) if self._worth_keeping(landmark)]
+        self._keep(np.flatnonzero([self._worth_keeping(landmark) for landmark in self.known]))
+
+    def _keep(self, kept: np.ndarray) -> None:
         if len(kept) < len(self.known):
-            self.ekf.keep(np.array(kept, dtype=int))
-            self.known = [self.known[i] for i in kept]
+            self.ekf.keep(kept)
+            self.known = [self.known[i] for i in kept.tolist()]
+
+    def _waymarks(self) -> np.ndarray:
+        """Indices (n,) of the waymarks among what the filter knows."""
+        return np.flatnonzero([landmark.name == _WAYMARK for landmark in self.known])
 
     def _worth_keeping(self, landmark: Known) -> bool:
         assert self.t_s is not None
         s = self._settings
+        if landmark.name == _WAYMARK:  # the datum lets those go
+            return True
         if self._named:
             read_again = landmark.sights >= _READINGS
             fresh = self.t_s - landmark.last_s < s.confirm_within_s
