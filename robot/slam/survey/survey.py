@@ -93,17 +93,16 @@ class Survey:
         With `named`, the names are the given ones; otherwise each new landmark gets a number.
         """
         sights, cov = sights_of(polar, self._noise(polar))
-        table, near = self._table(sights, cov, names if self._named else None)
-        if self._named:
+        if self._named and names is not None:
+            table, new = self._named_pairs(sights, cov, names)
             chosen = list(range(len(table.sight)))
         else:
-            chosen = joint_compatibility(table, self._settings.margin)
+            table, chosen, new = self._likely_pairs(sights, cov)
         matched = np.full(len(polar), -1)
         for k in chosen:
             matched[table.sight[k]] = self.known[int(table.landmark[k])].name
         self._correct(sights, cov, table, chosen)
-        fresh = np.flatnonzero((matched < 0) & (near > self._settings.new_beyond_chi2))
-        self._grow(sights, cov, fresh, names, matched)
+        self._grow(sights, cov, np.flatnonzero((matched < 0) & new), names, matched)
         return matched
 
     def map(self) -> tuple[list[int], np.ndarray, np.ndarray]:
@@ -121,56 +120,44 @@ class Survey:
         noise[:, 1, 1] = s.bearing_rad**2
         return noise
 
-    def _table(
-        self, sights: np.ndarray, cov: np.ndarray, names: np.ndarray | None
-    ) -> tuple[PairTable, np.ndarray]:
-        """The pairs that are possible each for itself, and each sight's nearest distance (m,)."""
-        m, n = len(sights), self.ekf.count
-        near = np.full(m, np.inf)
-        if n == 0:
-            none = np.zeros(0, dtype=int)
-            empty = np.zeros((0, 0)), np.zeros((0, 2, 2))
-            return PairTable(none, none, np.zeros((0, 2)), *empty), near
+    def _likely_pairs(
+        self, sights: np.ndarray, cov: np.ndarray
+    ) -> tuple[PairTable, list[int], np.ndarray]:
+        """Pairs by place, those to believe, and the mask (m,) of sights of nothing known."""
         distance = mahalanobis(self.ekf, sights, cov)
         distance[:, self._waymarks()] = np.inf
-        if names is None:
-            near = distance.min(axis=1)
-            possible = distance < CHI2_2_99
-        else:
-            known = np.array([landmark.name for landmark in self.known])
-            possible = names[:, None] == known[None]
-        sight, landmark = np.nonzero(possible)
-        if names is not None:
-            near[sight] = 0.0  # what has a name is never new
-            kept = self._plausible(landmark, distance[sight, landmark])
-            sight, landmark = sight[kept], landmark[kept]
+        table = self._table(sights, cov, *np.nonzero(distance < CHI2_2_99))
+        chosen = joint_compatibility(table, self._settings.margin)
+        distance[:, table.landmark[chosen]] = np.inf  # two sights of a frame show two things
+        near = distance.min(axis=1, initial=np.inf)
+        return table, chosen, near > self._settings.new_beyond_chi2
+
+    def _named_pairs(
+        self, sights: np.ndarray, cov: np.ndarray, names: np.ndarray
+    ) -> tuple[PairTable, np.ndarray]:
+        """The pairs by name that are plausible, and the mask (m,) of names never heard."""
+        known = np.array([landmark.name for landmark in self.known], dtype=int)
+        sight, landmark = np.nonzero(names[:, None] == known[None])
+        distance = mahalanobis(self.ekf, sights, cov)[sight, landmark]
+        kept = self._plausible(landmark, distance)
+        table = self._table(sights, cov, sight[kept], landmark[kept])
+        return table.select(self._confirmed(sights, table)), ~np.isin(names, known)
+
+    def _table(
+        self, sights: np.ndarray, cov: np.ndarray, sight: np.ndarray, landmark: np.ndarray
+    ) -> PairTable:
         columns, jacobian, predicted = self._linearise(landmark)
         _, shared = self.ekf.innovation(columns, jacobian)
-        if names is not None:
-            sure = self._confirmed(sights, cov, sight, landmark, shared)
-            sight, landmark, predicted = sight[sure], landmark[sure], predicted[sure]
-            rows = (2 * np.flatnonzero(sure)[:, None] + np.arange(2)).reshape(-1)
-            shared = shared[np.ix_(rows, rows)]
-        away = residual(sights[sight], predicted)
-        return PairTable(sight, landmark, away, shared, cov[sight]), near
+        return PairTable(sight, landmark, residual(sights[sight], predicted), shared, cov[sight])
 
-    def _confirmed(
-        self,
-        sights: np.ndarray,
-        cov: np.ndarray,
-        sight: np.ndarray,
-        landmark: np.ndarray,
-        shared: np.ndarray,
-    ) -> np.ndarray:
+    def _confirmed(self, sights: np.ndarray, pairs: PairTable) -> np.ndarray:
         """Mask (p,) of the named pairs that are no leap, or were read before in the same place."""
         assert self.t_s is not None
-        p = len(sight)
-        own = shared.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + cov[sight]
-        sure = np.linalg.det(own) < _BOLD**2 * np.linalg.det(cov[sight])
-        places, _, by_sight = locate(self.ekf.x[POSE], sights[sight])
-        spread = by_sight @ cov[sight] @ by_sight.transpose(0, 2, 1)
+        sure = np.linalg.det(pairs.own()) < _BOLD**2 * np.linalg.det(pairs.noise)
+        places, _, by_sight = locate(self.ekf.x[POSE], sights[pairs.sight])
+        spread = by_sight @ pairs.noise @ by_sight.transpose(0, 2, 1)
         for k in np.flatnonzero(~sure).tolist():
-            name = self.known[int(landmark[k])].name
+            name = self.known[int(pairs.landmark[k])].name
             sure[k] = self._readings.add(places[k], spread[k], name, self.t_s)
         return np.asarray(sure)
 
@@ -196,23 +183,18 @@ class Survey:
         if not chosen:
             return
         assert self.t_s is not None
-        sight, landmark = table.sight[chosen], table.landmark[chosen]
-        columns, jacobian, predicted = self._linearise(landmark)
-        away = residual(sights[sight], predicted)
-        noise = cov[sight].copy()
+        pairs = table.select(np.array(chosen))
+        sight, landmark = pairs.sight, pairs.landmark
+        columns, jacobian, _ = self._linearise(landmark)
         since_s = self.t_s - np.array([self.known[int(j)].last_s for j in landmark])
-        noise *= (1.0 + 2.0 * self._settings.correlated_s / np.maximum(since_s, 0.02))[
-            :, None, None
-        ]
-        rows = (2 * np.array(chosen)[:, None] + np.arange(2)).reshape(-1)
-        shared = table.shared[np.ix_(rows, rows)].reshape(len(chosen), 2, len(chosen), 2)
-        each = np.arange(len(chosen))
-        chi2 = quadratic(away, shared[each, :, each] + noise)
+        repeated = 1.0 + 2.0 * self._settings.correlated_s / np.maximum(since_s, 0.02)
+        noise = pairs.noise * repeated[:, None, None]
+        chi2 = quadratic(pairs.residual, pairs.own() - pairs.noise + noise)
         noise /= ((_T_DOF + 2.0) / (_T_DOF + chi2)).clip(max=1.0)[:, None, None]
         if self._named:
             iterated_update(self.ekf, lambda: self._linearise(landmark), sights[sight], noise)
         else:  # a leap on the strength of a guessed name is better a short one
-            self.ekf.update(columns, jacobian, away, noise)
+            self.ekf.update(columns, jacobian, pairs.residual, noise)
         self._datum.follow(self.ekf.landmarks()[self._waymarks()])
         for j in landmark.tolist():
             self.known[j].sights += 1

@@ -149,3 +149,12 @@ def test_where_the_first_heading_is_learned_late_the_track_told_is_truer() -> No
         told.append(aligned_rms_m(np.array(track), truth[:, 1:]))
         kept.append(aligned_rms_m(np.array(raw), truth[:, 1:]))
     assert np.mean(told) < 0.9 * np.mean(kept)
+
+
+def test_two_sights_of_a_frame_are_two_things_however_near() -> None:
+    survey = Survey(SETTINGS, np.array([[0.0, 0.0, 0.0]]), named=False)
+    one, other = np.array([[1.0, 0.0]]), np.array([[1.0, 0.0], [1.06, 0.04]])
+    for k in range(12):
+        survey.move(0.5 * k)
+        survey.see(one if k < 4 else other)
+    assert len(survey.map()[0]) == 2
