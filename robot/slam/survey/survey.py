@@ -18,6 +18,7 @@ from robot.slam.sensor import expected, locate, residual, sights_of
 from robot.slam.survey.compatibility import PairTable, joint_compatibility
 from robot.slam.survey.datum import Datum
 from robot.slam.survey.iterated import iterated_update
+from robot.slam.survey.novelty import novelty_cost
 from robot.slam.survey.readings import CHI2_2_99, Readings
 from robot.slam.survey.settings import SurveySettings
 from robot.slam.survey.velocity import Velocities, velocity_increment
@@ -27,6 +28,7 @@ _READINGS = 2  # of a name in the same place, before it stays a landmark or make
 _BOLD = 100.0  # what tells so much more than the filter knows
 _T_DOF = 4.0  # of Student's distribution, which weighs outliers down
 _REFUSALS = 5
+_AWAY_S = 5.0  # what was not seen for so long comes into view again
 _WAYMARK = -2  # the name of a place where the base was, which nobody sees
 
 
@@ -57,6 +59,7 @@ class Survey:
         self.t_s: float | None = None
         self._born = 0
         self._datum = Datum()
+        self._again = 0  # known things that came into view
 
     def move(self, t_s: float) -> None:
         """Predict up to `t_s`."""
@@ -128,9 +131,19 @@ class Survey:
         distance[:, self._waymarks()] = np.inf
         table = self._table(sights, cov, *np.nonzero(distance < CHI2_2_99))
         chosen = joint_compatibility(table, self._settings.margin)
+        if chosen and not self._known_again(table, chosen, sights):
+            chosen = []
         distance[:, table.landmark[chosen]] = np.inf  # two sights of a frame show two things
         near = distance.min(axis=1, initial=np.inf)
         return table, chosen, near > self._settings.new_beyond_chi2
+
+    def _known_again(self, table: PairTable, chosen: list[int], sights: np.ndarray) -> bool:
+        """Whether the pairs `chosen` are likelier than as many new things."""
+        landmarks = np.delete(self.ekf.landmarks(), self._waymarks(), axis=0)
+        away_m = np.hypot(*(landmarks - self.ekf.x[:2]).T)
+        range_m = 1.0 / sights[table.sight[chosen], 0]
+        rival = novelty_cost(range_m, away_m, self._born, self._again)
+        return sum(table.distance(chosen)) < rival
 
     def _named_pairs(
         self, sights: np.ndarray, cov: np.ndarray, names: np.ndarray
@@ -187,6 +200,7 @@ class Survey:
         sight, landmark = pairs.sight, pairs.landmark
         columns, jacobian, _ = self._linearise(landmark)
         since_s = self.t_s - np.array([self.known[int(j)].last_s for j in landmark])
+        self._again += int((since_s > _AWAY_S).sum())
         repeated = 1.0 + 2.0 * self._settings.correlated_s / np.maximum(since_s, 0.02)
         noise = pairs.noise * repeated[:, None, None]
         chi2 = quadratic(pairs.residual, pairs.own() - pairs.noise + noise)

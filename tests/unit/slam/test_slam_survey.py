@@ -11,7 +11,7 @@ from survey_course import TURN_SCALE as TRUE_TURN
 from robot.geometry.se2 import SE2
 from robot.slam.relocalise import rigid_fit
 from robot.slam.survey import Survey
-from robot.slam.survey.velocity import CURVATURE, LAG, SPEED_SCALE, TURN_SCALE
+from robot.slam.survey.velocity import CURVATURE, LAG, SPEED_SCALE, TURN_SCALE, VelocityNoise
 
 
 def drive(seed: int, named: bool, duration_s: float = 120.0, settings=SETTINGS):
@@ -158,3 +158,22 @@ def test_two_sights_of_a_frame_are_two_things_however_near() -> None:
         survey.move(0.5 * k)
         survey.see(one if k < 4 else other)
     assert len(survey.map()[0]) == 2
+
+
+@pytest.mark.parametrize(("blind_s", "known_again"), [(2.0, True), (125.0, False)])
+def test_after_a_long_blind_way_a_sight_may_show_something_new(
+    blind_s: float, known_again: bool
+) -> None:
+    orders = np.array([[0.0, 0.0, 0.0], [5.0, 0.3, 0.05]])  # round a circle
+    loose = replace(SETTINGS, noise=VelocityNoise(0.2, 0.2, 0.2, 0.1))
+    survey = Survey(loose, orders, named=False)
+    for k in range(9):
+        survey.move(0.5 * k)
+        survey.see(np.array([[1.5, 0.0]]))
+    survey.move(5.0 + blind_s)
+    pose, _ = survey.pose()
+    _, places, _ = survey.map()
+    x, y = SE2(*pose.tolist()).inverse().apply(places[0])
+    sight = np.array([[np.hypot(x, y), np.arctan2(y, x)]])
+    assert bool(survey.see(sight)[0] >= 0) is known_again
+    assert survey.pose()[0] == pytest.approx(pose, abs=0.01)
