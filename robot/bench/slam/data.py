@@ -15,7 +15,7 @@ import numpy as np
 
 from robot.errors import DataError
 from robot.slam.survey import SurveySettings
-from robot.slam.velocity import VelocityNoise
+from robot.slam.survey.velocity import VelocityNoise
 
 _ROBOTS = 5  # MRCLAM's subjects 1 to 5 are other robots, which move
 _VICTORIA_L_M, _VICTORIA_H_M = 2.83, 0.76  # the Ackermann vehicle of Nebot and Guivant

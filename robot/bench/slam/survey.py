@@ -61,14 +61,15 @@ def run_survey(data: SurveyData, named: bool) -> SurveyRun:
             track.append((t_s, *_at(pose, data.truth_at_m)))
             covs.append(cov)
             dead.append((t_s, *_at(blind.pose()[0], data.truth_at_m)))
+    names, landmarks, landmark_covs = survey.map()
     return SurveyRun(
         np.array(track).reshape(-1, 4),
         np.array(covs).reshape(-1, 3, 3),
         truth,
         np.array(dead).reshape(-1, 4),
-        survey.ekf.landmarks(),
-        survey.ekf.landmark_covs(),
-        [landmark.name for landmark in survey.known],
+        landmarks,
+        landmark_covs,
+        names,
         tally,
         survey.ekf.calibration.copy(),
     )

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from robot.slam.survey import SurveySettings
-from robot.slam.velocity import VelocityNoise
+from robot.slam.survey.velocity import VelocityNoise
 
 SETTINGS = SurveySettings(
     noise=VelocityNoise(0.03, 0.03, 0.05, 0.01),

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.slam.compatibility import PairTable, chi2_99, joint_compatibility
+from robot.slam.survey.compatibility import PairTable, chi2_99, joint_compatibility
 
 
 def table(
@@ -49,6 +49,15 @@ def test_what_could_as_well_be_another_is_not_believed() -> None:
     seen = np.array([[0.15, 0.0]])
     assert believed(table(seen, landmarks, 0.5, 0.05)) == {}
     assert believed(table(np.array([[0.0, 0.0]]), landmarks, 0.02, 0.02)) == {0: 0}
+
+
+def test_a_group_that_looks_like_another_is_not_believed_until_one_more_thing_tells() -> None:
+    group = np.array([[0.0, 0.0], [0.3, 0.0], [0.0, 0.2]])
+    landmarks = np.vstack([group, group + (1.0, 0.0), [[0.2, 1.0]]])
+    between = (0.48, 0.0)  # a little nearer to the first, but that is the common shift
+    assert believed(table(group + between, landmarks, 0.6, 0.05)) == {}
+    seen = np.vstack([group, [[0.2, 1.0]]]) + between
+    assert believed(table(seen, landmarks, 0.6, 0.05)) == {0: 0, 1: 1, 2: 2, 3: 6}
 
 
 def test_no_pairs() -> None:

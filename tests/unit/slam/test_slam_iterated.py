@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
-from robot.slam.iterated import iterated_update
 from robot.slam.sensor import expected, residual
+from robot.slam.survey.iterated import iterated_update
 
 THINGS = np.array([[1.5, 0.4], [1.2, -0.5], [2.5, 0.1]])
 NOISE = np.tile(np.diag([0.01, 0.01]) ** 2, (3, 1, 1))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robot.slam.readings import Readings
+from robot.slam.survey.readings import Readings
 
 COV = 0.05**2 * np.eye(2)
 HERE = np.array([1.0, 2.0])

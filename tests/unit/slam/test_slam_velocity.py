@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numeric import derivative
 
 from robot.geometry.se2 import SE2
-from robot.slam.velocity import LAG, Velocities, VelocityNoise, velocity_increment
+from robot.slam.survey.velocity import LAG, Velocities, VelocityNoise, velocity_increment
 
 NOISE = VelocityNoise(0.05, 0.04, 0.1, 0.01)
 

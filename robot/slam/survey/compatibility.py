@@ -4,8 +4,8 @@ Branch and bound over the sights of a frame (Neira and Tardos, "Data association
 mapping using the joint compatibility test", IEEE Trans. Robotics and Automation 2001). Every node
 adds a pair, while the joint innovation, with the filter's correlations, can still pass the
 chi-square test once all sights have a pair; the hypothesis that passes with the most pairs wins,
-among equals the nearest. Pairs for which another
-landmark would do about as well are left out: not to know is better than to be wrong.
+among equals the likeliest. Only what all about as likely ones agree in is believed, as one group of
+things can look like another: not to know is better than to be wrong.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_MAX_NODES = 400  # beyond, the best hypothesis found so far is taken
+_MAX_NODES = 2000  # beyond, the hypotheses found so far are all
 _Z_99 = 2.326  # 99 % of a normal distribution
 
 
@@ -38,11 +38,23 @@ class PairTable:
     shared: np.ndarray
     noise: np.ndarray
 
+    def select(self, chosen: np.ndarray) -> PairTable:
+        """Some of the pairs, by index or mask."""
+        index = np.arange(len(self.sight))[chosen]
+        shared = self.shared[np.ix_(_rows(index), _rows(index))]
+        return PairTable(
+            self.sight[index], self.landmark[index], self.residual[index], shared, self.noise[index]
+        )
+
+    def own(self) -> np.ndarray:
+        """The innovation's covariance of each pair (p, 2, 2)."""
+        p = len(self.sight)
+        return self.shared.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + self.noise
+
     def distance(self, chosen: list[int]) -> tuple[float, float]:
         """Squared Mahalanobis distance and log determinant of the pairs `chosen` together."""
         index = np.array(chosen)
-        rows = (2 * index[:, None] + np.arange(2)).reshape(-1)
-        spread = self.shared[np.ix_(rows, rows)]
+        spread = self.shared[np.ix_(_rows(index), _rows(index))]
         for k in range(len(index)):
             spread[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += self.noise[index[k]]
         lower = np.linalg.cholesky(spread)
@@ -50,24 +62,27 @@ class PairTable:
         return float(white @ white), 2.0 * float(np.log(np.diag(lower)).sum())
 
 
+def _rows(index: np.ndarray) -> np.ndarray:
+    return np.asarray((2 * index[:, None] + np.arange(2)).reshape(-1))
+
+
 class _Search:
-    """The state of one branch-and-bound search."""
+    """The state of one branch-and-bound search; `found` are the costs and pairs of all hypotheses
+    with the most pairs."""
 
     def __init__(self, table: PairTable, by_sight: list[list[int]]) -> None:
         self._table, self._by_sight = table, by_sight
         self._nodes = 0
-        self.best: list[int] = []
-        self._best_chi2 = math.inf
+        self._most = 1
+        self.found: list[tuple[float, list[int]]] = []
 
     def descend(self, level: int, chosen: list[int], chi2: float) -> None:
         left = len(self._by_sight) - level
-        if len(chosen) + left < len(self.best) or self._nodes > _MAX_NODES:
+        if len(chosen) + left < self._most or self._nodes > _MAX_NODES:
             return
         if left == 0:
-            if chosen and chi2 >= chi2_99(2 * len(chosen)):
-                return
-            if (len(chosen), -chi2) > (len(self.best), -self._best_chi2):
-                self.best, self._best_chi2 = list(chosen), chi2
+            if chi2 < chi2_99(2 * len(chosen)):
+                self._keep(chosen)
             return
         used = {int(self._table.landmark[k]) for k in chosen}
         for k in self._by_sight[level]:
@@ -77,18 +92,22 @@ class _Search:
             joint, _ = self._table.distance([*chosen, k])
             if joint < chi2_99(2 * (len(chosen) + left)):
                 self.descend(level + 1, [*chosen, k], joint)
-        if len(chosen) + left - 1 >= len(self.best):
+        if len(chosen) + left > self._most:
             self.descend(level + 1, chosen, chi2)
+
+    def _keep(self, chosen: list[int]) -> None:
+        if len(chosen) > self._most:
+            self._most = len(chosen)
+            self.found.clear()
+        self.found.append((sum(self._table.distance(chosen)), list(chosen)))
 
 
 def joint_compatibility(table: PairTable, margin: float) -> list[int]:
     """The pairs (indices into `table`) to believe.
 
-    A pair stays only if every other landmark in its place would cost `margin` more, in
+    A pair stays only if every hypothesis of as many pairs without it costs `margin` more, in
     chi-square plus log determinant.
     """
-    if not len(table.sight):
-        return []
     alone = [table.distance([k])[0] for k in range(len(table.sight))]
     by_sight = [
         sorted(np.flatnonzero(table.sight == i).tolist(), key=lambda k: alone[k])
@@ -97,17 +116,8 @@ def joint_compatibility(table: PairTable, margin: float) -> list[int]:
     by_sight.sort(key=len)  # the surest first: it prunes the rest
     search = _Search(table, by_sight)
     search.descend(0, [], 0.0)
-    return [k for k in search.best if _alone_fits(table, search.best, k, margin)]
-
-
-def _alone_fits(table: PairTable, best: list[int], k: int, margin: float) -> bool:
-    """Whether no other landmark could as well be what the sight of pair `k` shows."""
-    cost = sum(table.distance(best))
-    used = {int(table.landmark[other]) for other in best}
-    rest = [other for other in best if other != k]
-    for rival in np.flatnonzero(table.sight == table.sight[k]).tolist():
-        if int(table.landmark[rival]) in used:
-            continue
-        if sum(table.distance([*rest, rival])) < cost + margin:
-            return False
-    return True
+    if not search.found:
+        return []
+    cost, best = min(search.found)
+    good = [pairs for other, pairs in search.found if other < cost + margin]
+    return [k for k in best if all(k in pairs for pairs in good)]

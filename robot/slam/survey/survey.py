@@ -12,48 +12,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot.slam.association import mahalanobis, quadratic
-from robot.slam.compatibility import PairTable, joint_compatibility
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
-from robot.slam.iterated import iterated_update
 from robot.slam.motion import compose
-from robot.slam.readings import CHI2_2_99, Readings
 from robot.slam.sensor import expected, locate, residual, sights_of
-from robot.slam.velocity import Velocities, VelocityNoise, velocity_increment
+from robot.slam.survey.compatibility import PairTable, joint_compatibility
+from robot.slam.survey.datum import Datum
+from robot.slam.survey.iterated import iterated_update
+from robot.slam.survey.novelty import novelty_cost
+from robot.slam.survey.readings import CHI2_2_99, Readings
+from robot.slam.survey.settings import SurveySettings
+from robot.slam.survey.velocity import Velocities, velocity_increment
 
 _ABSURD_CHI2 = 13.8  # 99.9 %: a named sight so far off carries a wrong name
 _READINGS = 2  # of a name in the same place, before it stays a landmark or makes a leap:
 _BOLD = 100.0  # what tells so much more than the filter knows
 _T_DOF = 4.0  # of Student's distribution, which weighs outliers down
 _REFUSALS = 5
-
-
-@dataclass(frozen=True, slots=True)
-class SurveySettings:
-    """What is known of a base and its sensor from their kind; nothing is fitted to a recording."""
-
-    noise: VelocityNoise
-    range_m: float  # constant part of a range's sigma
-    inverse_range_per_m: float  # part that grows with the square of the range, as disparity's does
-    bearing_rad: float
-    curvature_sigma: float = 0.1  # rad/m
-    speed_scale_sigma: float = 0.1
-    turn_scale_sigma: float = 0.1
-    lag_sigma_s: float = 0.2
-    walk: tuple[float, float, float, float] = (0.002, 0.002, 0.002, 0.002)  # per sqrt(s)
-    confirmations: int = 3  # sights of an unknown thing before it is a landmark
-    confirm_within_s: float = 10.0
-    ghost_sights: int = 5  # a landmark seen less often ...
-    ghost_after_s: float = 20.0  # ... and not again for so long is dropped
-    correlated_s: float = 1.0  # errors of the same sight last about so long
-    new_beyond_chi2: float = 25.0  # a sight nearer than this to a landmark starts none
-    margin: float = 4.0  # a second choice must cost this much more
-    invariant: bool = True
-    start_sigma: tuple[float, float, float] = (0.1, 0.1, 0.05)  # the map's frame is no better known
+_AWAY_S = 5.0  # what was not seen for so long comes into view again
+_WAYMARK = -2  # the name of a place where the base was, which nobody sees
 
 
 @dataclass(slots=True, eq=False)
 class Known:
-    """One landmark of the filter."""
+    """One landmark of the filter, or a waymark."""
 
     name: int
     sights: int
@@ -77,14 +58,24 @@ class Survey:
         self._readings = Readings(needed, s.confirm_within_s)
         self.t_s: float | None = None
         self._born = 0
+        self._datum = Datum()
+        self._again = 0  # known things that came into view
 
     def move(self, t_s: float) -> None:
         """Predict up to `t_s`."""
         if self.t_s is None or t_s <= self.t_s:
             self.t_s = t_s if self.t_s is None else self.t_s
             return
+        self._predict(self.t_s, t_s)
+        self.t_s = t_s
+        if self._datum.due(t_s):
+            self._datum.leave(self.ekf, t_s)
+            self.known.append(Known(_WAYMARK, 0, t_s))
+            self._keep(np.delete(np.arange(self.ekf.count), self._waymarks()[self._datum.thin()]))
+
+    def _predict(self, start_s: float, end_s: float) -> None:
         increment = velocity_increment(
-            self._orders, self.t_s, t_s, self.ekf.calibration, self._settings.noise
+            self._orders, start_s, end_s, self.ekf.calibration, self._settings.noise
         )
         end, by_pose, by_increment = compose(self.ekf.x[POSE], increment.previous_from_current)
         self.ekf.predict(
@@ -92,13 +83,12 @@ class Survey:
             by_pose,
             by_increment @ increment.calibration_jacobian,
             by_increment @ increment.cov @ by_increment.T,
-            np.array(self._settings.walk) ** 2 * (t_s - self.t_s),
+            np.array(self._settings.walk) ** 2 * (end_s - start_s),
         )
-        self.t_s = t_s
 
     def pose(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pose (3,) and covariance (3, 3) at the time moved to."""
-        return self.ekf.x[POSE].copy(), self.ekf.head()[POSE, POSE].copy()
+        """Pose (3,) and covariance (3, 3) at the time moved to, in the frame of the datum."""
+        return self._datum.pose(self.ekf)
 
     def see(self, polar: np.ndarray, names: np.ndarray | None = None) -> np.ndarray:
         """Take in a frame of sights (m, 2); returns the landmark names (m,), -1 for none.
@@ -106,18 +96,23 @@ class Survey:
         With `named`, the names are the given ones; otherwise each new landmark gets a number.
         """
         sights, cov = sights_of(polar, self._noise(polar))
-        table, near = self._table(sights, cov, names if self._named else None)
-        if self._named:
+        if self._named and names is not None:
+            table, new = self._named_pairs(sights, cov, names)
             chosen = list(range(len(table.sight)))
         else:
-            chosen = joint_compatibility(table, self._settings.margin)
+            table, chosen, new = self._likely_pairs(sights, cov)
         matched = np.full(len(polar), -1)
         for k in chosen:
             matched[table.sight[k]] = self.known[int(table.landmark[k])].name
         self._correct(sights, cov, table, chosen)
-        fresh = np.flatnonzero((matched < 0) & (near > self._settings.new_beyond_chi2))
-        self._grow(sights, cov, fresh, names, matched)
+        self._grow(sights, cov, np.flatnonzero((matched < 0) & new), names, matched)
         return matched
+
+    def map(self) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """Names, places (n, 2) and covariances (n, 2, 2) of the landmarks, in the same frame."""
+        seen = np.flatnonzero([landmark.name != _WAYMARK for landmark in self.known])
+        told = self._datum.points(self.ekf.landmarks()[seen], self.ekf.landmark_covs()[seen])
+        return [self.known[i].name for i in seen.tolist()], *told
 
     # ------------------------------------------------------------ pairing
 
@@ -128,55 +123,54 @@ class Survey:
         noise[:, 1, 1] = s.bearing_rad**2
         return noise
 
-    def _table(
-        self, sights: np.ndarray, cov: np.ndarray, names: np.ndarray | None
-    ) -> tuple[PairTable, np.ndarray]:
-        """The pairs that are possible each for itself, and each sight's nearest distance (m,)."""
-        m, n = len(sights), self.ekf.count
-        near = np.full(m, np.inf)
-        if n == 0:
-            none = np.zeros(0, dtype=int)
-            empty = np.zeros((0, 0)), np.zeros((0, 2, 2))
-            return PairTable(none, none, np.zeros((0, 2)), *empty), near
+    def _likely_pairs(
+        self, sights: np.ndarray, cov: np.ndarray
+    ) -> tuple[PairTable, list[int], np.ndarray]:
+        """Pairs by place, those to believe, and the mask (m,) of sights of nothing known."""
         distance = mahalanobis(self.ekf, sights, cov)
-        if names is None:
-            near = distance.min(axis=1)
-            possible = distance < CHI2_2_99
-        else:
-            known = np.array([landmark.name for landmark in self.known])
-            possible = names[:, None] == known[None]
-        sight, landmark = np.nonzero(possible)
-        if names is not None:
-            near[sight] = 0.0  # what has a name is never new
-            kept = self._plausible(landmark, distance[sight, landmark])
-            sight, landmark = sight[kept], landmark[kept]
+        distance[:, self._waymarks()] = np.inf
+        table = self._table(sights, cov, *np.nonzero(distance < CHI2_2_99))
+        chosen = joint_compatibility(table, self._settings.margin)
+        if chosen and not self._known_again(table, chosen, sights):
+            chosen = []
+        distance[:, table.landmark[chosen]] = np.inf  # two sights of a frame show two things
+        near = distance.min(axis=1, initial=np.inf)
+        return table, chosen, near > self._settings.new_beyond_chi2
+
+    def _known_again(self, table: PairTable, chosen: list[int], sights: np.ndarray) -> bool:
+        """Whether the pairs `chosen` are likelier than as many new things."""
+        landmarks = np.delete(self.ekf.landmarks(), self._waymarks(), axis=0)
+        away_m = np.hypot(*(landmarks - self.ekf.x[:2]).T)
+        range_m = 1.0 / sights[table.sight[chosen], 0]
+        rival = novelty_cost(range_m, away_m, self._born, self._again)
+        return sum(table.distance(chosen)) < rival
+
+    def _named_pairs(
+        self, sights: np.ndarray, cov: np.ndarray, names: np.ndarray
+    ) -> tuple[PairTable, np.ndarray]:
+        """The pairs by name that are plausible, and the mask (m,) of names never heard."""
+        known = np.array([landmark.name for landmark in self.known], dtype=int)
+        sight, landmark = np.nonzero(names[:, None] == known[None])
+        distance = mahalanobis(self.ekf, sights, cov)[sight, landmark]
+        kept = self._plausible(landmark, distance)
+        table = self._table(sights, cov, sight[kept], landmark[kept])
+        return table.select(self._confirmed(sights, table)), ~np.isin(names, known)
+
+    def _table(
+        self, sights: np.ndarray, cov: np.ndarray, sight: np.ndarray, landmark: np.ndarray
+    ) -> PairTable:
         columns, jacobian, predicted = self._linearise(landmark)
         _, shared = self.ekf.innovation(columns, jacobian)
-        if names is not None:
-            sure = self._confirmed(sights, cov, sight, landmark, shared)
-            sight, landmark, predicted = sight[sure], landmark[sure], predicted[sure]
-            rows = (2 * np.flatnonzero(sure)[:, None] + np.arange(2)).reshape(-1)
-            shared = shared[np.ix_(rows, rows)]
-        away = residual(sights[sight], predicted)
-        return PairTable(sight, landmark, away, shared, cov[sight]), near
+        return PairTable(sight, landmark, residual(sights[sight], predicted), shared, cov[sight])
 
-    def _confirmed(
-        self,
-        sights: np.ndarray,
-        cov: np.ndarray,
-        sight: np.ndarray,
-        landmark: np.ndarray,
-        shared: np.ndarray,
-    ) -> np.ndarray:
+    def _confirmed(self, sights: np.ndarray, pairs: PairTable) -> np.ndarray:
         """Mask (p,) of the named pairs that are no leap, or were read before in the same place."""
         assert self.t_s is not None
-        p = len(sight)
-        own = shared.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + cov[sight]
-        sure = np.linalg.det(own) < _BOLD**2 * np.linalg.det(cov[sight])
-        places, _, by_sight = locate(self.ekf.x[POSE], sights[sight])
-        spread = by_sight @ cov[sight] @ by_sight.transpose(0, 2, 1)
+        sure = np.linalg.det(pairs.own()) < _BOLD**2 * np.linalg.det(pairs.noise)
+        places, _, by_sight = locate(self.ekf.x[POSE], sights[pairs.sight])
+        spread = by_sight @ pairs.noise @ by_sight.transpose(0, 2, 1)
         for k in np.flatnonzero(~sure).tolist():
-            name = self.known[int(landmark[k])].name
+            name = self.known[int(pairs.landmark[k])].name
             sure[k] = self._readings.add(places[k], spread[k], name, self.t_s)
         return np.asarray(sure)
 
@@ -202,23 +196,20 @@ class Survey:
         if not chosen:
             return
         assert self.t_s is not None
-        sight, landmark = table.sight[chosen], table.landmark[chosen]
-        columns, jacobian, predicted = self._linearise(landmark)
-        away = residual(sights[sight], predicted)
-        noise = cov[sight].copy()
+        pairs = table.select(np.array(chosen))
+        sight, landmark = pairs.sight, pairs.landmark
+        columns, jacobian, _ = self._linearise(landmark)
         since_s = self.t_s - np.array([self.known[int(j)].last_s for j in landmark])
-        noise *= (1.0 + 2.0 * self._settings.correlated_s / np.maximum(since_s, 0.02))[
-            :, None, None
-        ]
-        rows = (2 * np.array(chosen)[:, None] + np.arange(2)).reshape(-1)
-        shared = table.shared[np.ix_(rows, rows)].reshape(len(chosen), 2, len(chosen), 2)
-        each = np.arange(len(chosen))
-        chi2 = quadratic(away, shared[each, :, each] + noise)
+        self._again += int((since_s > _AWAY_S).sum())
+        repeated = 1.0 + 2.0 * self._settings.correlated_s / np.maximum(since_s, 0.02)
+        noise = pairs.noise * repeated[:, None, None]
+        chi2 = quadratic(pairs.residual, pairs.own() - pairs.noise + noise)
         noise /= ((_T_DOF + 2.0) / (_T_DOF + chi2)).clip(max=1.0)[:, None, None]
         if self._named:
             iterated_update(self.ekf, lambda: self._linearise(landmark), sights[sight], noise)
         else:  # a leap on the strength of a guessed name is better a short one
-            self.ekf.update(columns, jacobian, away, noise)
+            self.ekf.update(columns, jacobian, pairs.residual, noise)
+        self._datum.follow(self.ekf.landmarks()[self._waymarks()])
         for j in landmark.tolist():
             self.known[j].sights += 1
             self.known[j].last_s = self.t_s
@@ -255,14 +246,22 @@ class Survey:
 
     def _forget(self) -> None:
         """Drop what was seen a few times only and never again, or was placed by a false sight."""
-        kept = [i for i, landmark in enumerate(self.known) if self._worth_keeping(landmark)]
+        self._keep(np.flatnonzero([self._worth_keeping(landmark) for landmark in self.known]))
+
+    def _keep(self, kept: np.ndarray) -> None:
         if len(kept) < len(self.known):
-            self.ekf.keep(np.array(kept, dtype=int))
-            self.known = [self.known[i] for i in kept]
+            self.ekf.keep(kept)
+            self.known = [self.known[i] for i in kept.tolist()]
+
+    def _waymarks(self) -> np.ndarray:
+        """Indices (n,) of the waymarks among what the filter knows."""
+        return np.flatnonzero([landmark.name == _WAYMARK for landmark in self.known])
 
     def _worth_keeping(self, landmark: Known) -> bool:
         assert self.t_s is not None
         s = self._settings
+        if landmark.name == _WAYMARK:  # the datum lets those go
+            return True
         if self._named:
             read_again = landmark.sights >= _READINGS
             fresh = self.t_s - landmark.last_s < s.confirm_within_s
