@@ -57,6 +57,7 @@ class RunRecord:
     trouble: Trouble = field(default_factory=Trouble)
     held_at: list[SE2] = field(default_factory=list)  # odom_from_base where wheels were held
     touched_at: list[SE2] = field(default_factory=list)  # and where something was touched
+    blocked_at: list[SE2] = field(default_factory=list)  # or stood right before it
     trail: Trail = field(default_factory=Trail)
 
 

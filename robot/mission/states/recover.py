@@ -216,7 +216,7 @@ class Recover(State):
                 now.grid.mark_obstacle(_across(now, HELD_HALF_M * min(held, HELD_MOST)))
         elif self._kind == "cliff":
             now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
-        elif self._kind == "blocked":
+        elif self._kind == "blocked" and _times_before(now, now.run.blocked_at, TOUCHED_NEAR_M):
             points = now.gate.sight.nearest_ahead_m(now.odom, now.robot.radius_m / 2.0, 1)
             world_from_odom = now.pose @ now.odom.inverse()
             now.grid.mark_obstacle(world_from_odom.apply(points))

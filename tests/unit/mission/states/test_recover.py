@@ -8,7 +8,7 @@ from situations import situation
 
 from robot.config import Config
 from robot.geometry.se2 import SE2, exp
-from robot.messages import ClearOrder, Contact, Grid, LinkState, PlanOrder
+from robot.messages import ClearOrder, Contact, Grid, LinkState, PlanOrder, Scan
 from robot.mission.ladder import RUNGS, WIGGLE_FROM
 from robot.mission.states.recover import Recover
 from robot.mission.states.rest import Idle
@@ -150,6 +150,18 @@ def test_what_is_touched_again_and_again_is_marked_wider_each_time():
         life.recover("bump")
         wide_m.append(float(np.ptp(occupied(life.now.grid.snapshot())[:, 1])))
     assert wide_m == sorted(wide_m) and wide_m[0] < 0.1 and 0.3 < wide_m[-1] < 0.5
+
+
+def test_what_the_eyes_see_before_it_is_marked_only_where_it_stands_twice():
+    life = Life(Contact(0), stop="")
+    ahead_m = np.full(9, CONFIG.robot.radius_m + 0.02)
+    life.now.gate.sight.see(0, SE2(), Scan(np.linspace(-0.2, 0.2, 9), ahead_m, ahead_m))
+    counts = []
+    for _ in range(2):
+        life.step, life.now.odom, life.now.pose = None, SE2(), SE2()
+        life.recover("blocked")
+        counts.append(len(occupied(life.now.grid.snapshot())))
+    assert counts[0] == 0 and counts[1] > 0
 
 
 def test_work_between_two_touches_is_no_time_of_trouble():
