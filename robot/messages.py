@@ -193,6 +193,7 @@ class Planned:
     remaining_m2: float  # reachable known floor that is still uncovered
     reason: str = ""
     rooms: np.ndarray | None = None  # to "rooms" only: uint8 of the grid's shape, 0: no room
+    reached_m2: float = NAN  # floor that need not be swept (again), but could be reached
 
 
 @dataclass(frozen=True, slots=True)

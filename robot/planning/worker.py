@@ -27,7 +27,7 @@ def plan(order: PlanOrder, planning: PlanningConfig, robot: RobotConfig) -> Plan
     space = build_space(order.grid, order.covered, order.start, planning, robot)
     if space is None:
         found = CoveragePlan(_NOWHERE, 0.0, "the robot fits nowhere near its place")
-        return _answer(order, _NOWHERE, found)
+        return _answer(order, _NOWHERE, found, 0.0)
     if not order.explore:
         planning = structs.replace(planning, min_unseen_m2=math.inf)
     if order.kind == "coverage":
@@ -36,7 +36,8 @@ def plan(order: PlanOrder, planning: PlanningConfig, robot: RobotConfig) -> Plan
         found = CoveragePlan(_NOWHERE, 0.0, "no goal was given")
     else:
         found = _route(space, order.goal, planning)
-    return _answer(order, space.to_world(found.points), found)
+    reached_m2 = space.area_m2(space.floor & ~space.uncovered)
+    return _answer(order, space.to_world(found.points), found, reached_m2)
 
 
 def _route(space: Space, goal: SE2, planning: PlanningConfig) -> CoveragePlan:
@@ -68,5 +69,9 @@ def _nearest_place(space: Space, wanted: np.ndarray) -> np.ndarray | None:
     return np.array([xs[best], ys[best]], float)
 
 
-def _answer(order: PlanOrder, points_m: np.ndarray, found: CoveragePlan) -> Planned:
-    return Planned(order.t_ns, order.order_id, Path(points_m), found.remaining_m2, found.reason)
+def _answer(
+    order: PlanOrder, points_m: np.ndarray, found: CoveragePlan, reached_m2: float
+) -> Planned:
+    remaining_m2, reason = found.remaining_m2, found.reason
+    path = Path(points_m)
+    return Planned(order.t_ns, order.order_id, path, remaining_m2, reason, reached_m2=reached_m2)

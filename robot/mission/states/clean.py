@@ -15,7 +15,7 @@ from robot.mission.states.recover import Recover
 from robot.mission.states.rest import Idle, give_up
 
 LOOKS = 2  # times to look around again when there is no plan at the very beginning
-ENCLOSED_M2, ENCLOSED_SHARE = 0.5, 0.3  # so much work does not vanish between two plans
+ENCLOSED_M2, ENCLOSED_SHARE = 0.5, 0.3  # of so much that was swept, less is reached: closed in
 GRIDLOCK_M = 0.15  # blocked again before so much was driven: planning alone does not help
 MAX_UNANSWERED = 3
 
@@ -72,12 +72,10 @@ class Clean(State):
     def _begin(self, now: Situation, answer: Planned) -> Step | None:
         """Take a new plan, or end the cleaning; None while there is work."""
         self._unanswered = 0
-        expected_m2 = now.run.due_m2 - now.swept.area_m2
-        now.run.due_m2 = now.swept.area_m2 + answer.remaining_m2
-        vanished_m2 = expected_m2 - answer.remaining_m2
-        if vanished_m2 > ENCLOSED_M2 and answer.remaining_m2 < ENCLOSED_SHARE * expected_m2:
-            now.run.due_m2 = now.swept.area_m2 + expected_m2 / 2.0  # believed after some tries
-            reason = f"{vanished_m2:.1f} m2 of work are suddenly out of reach"
+        swept_m2 = now.swept.area_m2
+        now.run.due_m2 = swept_m2 + answer.remaining_m2
+        if swept_m2 > ENCLOSED_M2 and answer.reached_m2 < ENCLOSED_SHARE * swept_m2:
+            reason = "most of what it has swept is suddenly out of reach"
             return Step(then=Recover("enclosed", self), reason=reason)
         if len(answer.path.points_m) == 0:
             return self._without_work(now, answer)

@@ -72,6 +72,7 @@ def test_a_room_is_cleaned_in_one_plan_and_then_there_is_nothing_left():
     done = swept(cells, along(first.path.points_m))
     then = ask(cells, start, covered=done)
     assert then.remaining_m2 < 0.05 * first.remaining_m2
+    assert first.reached_m2 == 0.0 and then.reached_m2 > 0.95 * first.remaining_m2
     assert len(ask(cells, start, covered=np.ones(cells.shape, bool)).path.points_m) == 0
 
 
