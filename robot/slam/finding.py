@@ -31,6 +31,7 @@ _QUARANTINE_NS = 30_000_000_000
 _DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 2_500_000_000
 _APART_M, _APART_RAD = 0.4, 0.35  # drift stays below: found farther away, the robot was carried
 _APART_SIGMAS = 4.0
+_LEAP_M = 1.0  # nor does it drift so far while something is followed all the way
 _MAY_FIT = 0.5  # so much of what stands around: it may be the pose
 FOUND_COV = np.diag([0.08, 0.08, 0.03]) ** 2
 
@@ -120,6 +121,8 @@ class SelfFinder:
         found = glimpse.map_from_local @ self._local_from_base
         if not self._contradicts(found, pose, cov):
             self._sure_ns = self.placed_ns = seen.t_ns
+        elif self._broken_ns <= self._sure_ns and found.distance_m(pose) > _LEAP_M:
+            return  # it was followed all the way: another place looks like this one
         elif fits is not None and fits(pose) > fits(found):
             return
         elif in_doubt or glimpse.confirmed:  # one look is no match for landmarks long known

@@ -46,7 +46,9 @@ def play(
         if not isinstance(event, Seen):
             slam.odometry(replace(event, t_ns=t_ns))
             continue
-        estimate = slam.see(replace(event, t_ns=t_ns, arrived_ns=event.arrived_ns + shift_ns))
+        motion = None if shift_ns and not told else event.motion  # carried there, in no time
+        arrived_ns = event.arrived_ns + shift_ns
+        estimate = slam.see(replace(event, t_ns=t_ns, arrived_ns=arrived_ns, motion=motion))
         pose, true = estimate.world_from_base, truth[event.t_ns]
         error_m = math.hypot(pose.x_m - true[0], pose.y_m - true[1])
         told.append(((event.t_ns * 1e-9) - from_s, estimate, error_m))
@@ -138,7 +140,7 @@ class Insists:
 @pytest.mark.parametrize("confirmed", [False, True])
 def test_one_look_does_not_outweigh_landmarks_long_known(confirmed: bool, ride: Drive) -> None:
     finder = SelfFinder(CONFIG)
-    finder._relocaliser = Insists(Glimpse(SE2(3.0, 0.0, 0.0), confirmed))  # type: ignore[assignment]
+    finder._relocaliser = Insists(Glimpse(SE2(0.8, 0.0, 0.0), confirmed))  # type: ignore[assignment]
     seen = next(event for event in ride.events if isinstance(event, Seen))
     finder.judge(seen, familiar=5, pose=SE2(), cov=SURE)
     assert finder.lost is confirmed
@@ -155,9 +157,9 @@ def test_places_do_not_refute_a_pose_that_fits_the_map_better_than_theirs(
     here: float, there: float, lost: bool, ride: Drive
 ) -> None:
     finder = SelfFinder(CONFIG)
-    finder._relocaliser = Insists(Glimpse(SE2(3.0, 0.0, 0.0), True))  # type: ignore[assignment]
+    finder._relocaliser = Insists(Glimpse(SE2(0.8, 0.0, 0.0), True))  # type: ignore[assignment]
     seen = next(event for event in ride.events if isinstance(event, Seen))
-    finder.judge(seen, 0, SE2(), SURE, lambda pose: there if pose.x_m > 1.0 else here)
+    finder.judge(seen, 0, SE2(), SURE, lambda pose: there if pose.x_m > 0.5 else here)
     assert finder.lost is lost
 
 
@@ -172,6 +174,22 @@ def test_places_alone_do_not_prove_a_pose_that_does_not_fit_the_map(
     pose = finder.search(seen, lambda pose: share)
     assert (pose is not None) is found
     assert finder.search(seen) is not None  # nobody knows a map of matter
+
+
+@pytest.mark.parametrize("carried", [False, True])
+def test_nobody_was_carried_far_who_followed_something_all_the_way(
+    carried: bool, ride: Drive
+) -> None:
+    finder = SelfFinder(CONFIG)
+    finder._relocaliser = Insists(None)  # type: ignore[assignment]
+    seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
+    finder.follow(seen)
+    finder.judge(seen, familiar=5, pose=SE2(), cov=SURE)
+    later = elsewhere(seen) if carried else replace(seen, t_ns=seen.t_ns + S // 10)
+    finder.follow(later)
+    finder._relocaliser = Insists(Glimpse(SE2(3.0, 0.0, 0.0), True))  # type: ignore[assignment]
+    finder.judge(later, familiar=0, pose=SE2(), cov=SURE)
+    assert finder.lost is carried
 
 
 def elsewhere(seen: Seen) -> Seen:
