@@ -117,7 +117,9 @@ class Recover(State):
         return Step(halt("waiting whether the way becomes free"))
 
     def _back(self, now: Situation) -> Step:
-        if now.driven_m - self._from_m >= self._back_m or self._spent(now):
+        # Nothing feels what is behind: wheels that turn in vain there are taken for a way.
+        against = not now.touching and now.gate.verdict.free_m <= 0.0
+        if against or now.driven_m - self._from_m >= self._back_m or self._spent(now):
             now.run.trouble.back_m += now.driven_m - self._from_m
             self._next(now, "pivot" if now.touching else "turn")
         return Step(Wish(-BACK_MPS, 0.0, reason="backing off"))

@@ -7,6 +7,7 @@ import pytest
 from situations import situation
 
 from robot.config import Config
+from robot.control.safety import Verdict
 from robot.geometry.se2 import SE2, exp
 from robot.messages import ClearOrder, Contact, Grid, LinkState, PlanOrder, Scan
 from robot.mission.ladder import RUNGS, WIGGLE_FROM
@@ -87,6 +88,15 @@ def test_a_brushed_wall_is_moved_to_where_it_was_touched():
         assert min(y for x, y in marked if abs(x - at) < 0.05) < CONFIG.robot.radius_m + 0.02
     far = [y for x, y in marked if abs(x) > 0.4]
     assert min(far) > CONFIG.robot.radius_m + 0.02
+
+
+def test_it_does_not_back_into_what_stands_behind_unless_something_holds_it_in_front():
+    for held, least_m, most_m in ((False, 0.0, 0.04), (True, 0.05, 0.35)):
+        life = Life(Contact(0, bump_left=True, bump_right=True), held=held)
+        life.now.gate.verdict = Verdict(free_m=0.0)
+        life.recover("bump")
+        backed_m = -sum(w.v_mps for w in life.wishes if w.reason == "backing off") * 0.02
+        assert least_m <= backed_m <= most_m
 
 
 @pytest.mark.parametrize(("left", "sign"), [(True, -1.0), (False, 1.0)])
