@@ -44,6 +44,7 @@ class SelfFinder:
     def __init__(self, config: SlamConfig, places: PlacePoints | None = None) -> None:
         self._config = config
         self.places = PlaceMap(config.max_places, *(() if places is None else (places,)))
+        self._at_home = places is not None
         self._tracks = Tracks()
         self._waiting: deque[tuple[int, PlacePoints]] = deque()
         self._relocaliser = Relocaliser()
@@ -121,13 +122,22 @@ class SelfFinder:
         found = glimpse.map_from_local @ self._local_from_base
         if not self._contradicts(found, pose, cov):
             self._sure_ns = self.placed_ns = seen.t_ns
-        elif self._broken_ns <= self._sure_ns and found.distance_m(pose) > _LEAP_M:
-            return  # it was followed all the way: another place looks like this one
+        elif found.distance_m(pose) > _LEAP_M and not self._may_leap:
+            return  # another place looks like this one
         elif fits is not None and fits(pose) > fits(found):
             return
         elif in_doubt or glimpse.confirmed:  # one look is no match for landmarks long known
             self.lost = True  # the relocaliser goes on with what it has seen
             self._drop_new()
+
+    @property
+    def _may_leap(self) -> bool:
+        """Whether the robot may have been carried far since it was sure of its pose.
+
+        Not who followed something all the way. And who is still getting to know its home will
+        rather find that rooms are alike than be carried without feeling it.
+        """
+        return self._at_home and self._sure_ns is not None and self._broken_ns > self._sure_ns
 
     def _learn(self, seen: Seen, pose: SE2) -> None:
         """New places wait, so that an error of the pose is not confirmed by what it made."""

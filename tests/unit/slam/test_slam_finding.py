@@ -176,11 +176,12 @@ def test_places_alone_do_not_prove_a_pose_that_does_not_fit_the_map(
     assert finder.search(seen) is not None  # nobody knows a map of matter
 
 
+@pytest.mark.parametrize("at_home", [False, True])
 @pytest.mark.parametrize("carried", [False, True])
-def test_nobody_was_carried_far_who_followed_something_all_the_way(
-    carried: bool, ride: Drive
+def test_places_far_away_count_only_at_home_and_if_what_was_followed_ended(
+    carried: bool, at_home: bool, memory: SlamMemory, ride: Drive
 ) -> None:
-    finder = SelfFinder(CONFIG)
+    finder = SelfFinder(CONFIG, memory.places if at_home else None)
     finder._relocaliser = Insists(None)  # type: ignore[assignment]
     seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
     finder.follow(seen)
@@ -189,7 +190,7 @@ def test_nobody_was_carried_far_who_followed_something_all_the_way(
     finder.follow(later)
     finder._relocaliser = Insists(Glimpse(SE2(3.0, 0.0, 0.0), True))  # type: ignore[assignment]
     finder.judge(later, familiar=0, pose=SE2(), cov=SURE)
-    assert finder.lost is carried
+    assert finder.lost is (carried and at_home)
 
 
 def elsewhere(seen: Seen) -> Seen:
