@@ -184,7 +184,7 @@ def test_places_far_away_count_only_at_home_and_if_what_was_followed_ended(
     finder = SelfFinder(CONFIG, memory.places if at_home else None)
     finder._relocaliser = Insists(None)  # type: ignore[assignment]
     seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
-    finder.follow(seen)
+    finder.follow(replace(seen, motion=VisualMotion(SE2(), np.eye(3), 20)))
     finder.judge(seen, familiar=5, pose=SE2(), cov=SURE)
     later = elsewhere(seen) if carried else replace(seen, t_ns=seen.t_ns + S // 10)
     finder.follow(later)
