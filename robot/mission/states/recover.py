@@ -119,7 +119,8 @@ class Recover(State):
     def _back(self, now: Situation) -> Step:
         # Nothing feels what is behind: wheels that turn in vain there are taken for a way.
         against = not now.touching and now.gate.verdict.free_m <= 0.0
-        if against or now.driven_m - self._from_m >= self._back_m or self._spent(now):
+        back_m = min(self._back_m, GRAZE_BACK_M) if against else self._back_m
+        if now.driven_m - self._from_m >= back_m or self._spent(now):
             now.run.trouble.back_m += now.driven_m - self._from_m
             self._next(now, "pivot" if now.touching else "turn")
         return Step(Wish(-BACK_MPS, 0.0, reason="backing off"))
