@@ -31,7 +31,7 @@ _QUARANTINE_NS = 30_000_000_000
 _DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 2_500_000_000
 _APART_M, _APART_RAD = 0.4, 0.35  # drift stays below: found farther away, the robot was carried
 _APART_SIGMAS = 4.0
-_LEAP_M = 1.0  # nor does it drift so far while something is followed all the way
+_LEAP_M = 1.0  # and so far it never drifts
 _MAY_FIT = 0.5  # so much of what stands around: it may be the pose
 FOUND_COV = np.diag([0.08, 0.08, 0.03]) ** 2
 
@@ -122,22 +122,13 @@ class SelfFinder:
         found = glimpse.map_from_local @ self._local_from_base
         if not self._contradicts(found, pose, cov):
             self._sure_ns = self.placed_ns = seen.t_ns
-        elif found.distance_m(pose) > _LEAP_M and not self._may_leap:
-            return  # another place looks like this one
+        elif found.distance_m(pose) > _LEAP_M and not self._at_home:
+            return  # in a home that is still new, rooms that look alike are likelier than a carry
         elif fits is not None and fits(pose) > fits(found):
             return
         elif in_doubt or glimpse.confirmed:  # one look is no match for landmarks long known
             self.lost = True  # the relocaliser goes on with what it has seen
             self._drop_new()
-
-    @property
-    def _may_leap(self) -> bool:
-        """Whether the robot may have been carried far since it was sure of its pose.
-
-        Not who followed something all the way. And who is still getting to know its home will
-        rather find that rooms are alike than be carried without feeling it.
-        """
-        return self._at_home and self._sure_ns is not None and self._broken_ns > self._sure_ns
 
     def _learn(self, seen: Seen, pose: SE2) -> None:
         """New places wait, so that an error of the pose is not confirmed by what it made."""
