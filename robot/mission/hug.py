@@ -15,8 +15,9 @@ from robot.control.follow import turn_rate_radps
 from robot.control.limits import clamp
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import SE2, wrap_angle
-from robot.mission.drive import back_round
+from robot.mission.drive import back_round, slowed
 from robot.mission.state import Latch, Situation, seconds
+from robot.mission.touch import touch, wall_since
 
 SEEN_ROOM_M = 0.012  # kept to what is only seen, at first
 NEARER, NEARER_FELT = 0.1, 0.02  # metres nearer a metre, before and after it was touched
@@ -28,6 +29,7 @@ EVERY_S, GAIN = 0.1, 0.4  # what is seen counts so often, so much of the way the
 LEFT_M = 0.3  # with nothing beside for so long, what was felt is past
 CORNER_RAD = 0.6  # and after such a turn
 AGAIN_M = 0.03  # touched again before so much was driven: that is no wall along the way
+ALONG_RAD = 1.0  # a wall at a smaller bearing does not run along the way, but across it
 SWING_RAD, SWUNG_S = 0.3, 2.0
 FACING_RAD = 0.08
 
@@ -86,8 +88,8 @@ class Hug:
         soon = self._room_m > FELT_ROOM_M and now.driven_m - self._felt_at_m < CAREFUL_M
         if not soon or wish.v_mps <= CAREFUL_MPS:
             return wish
-        yaw_rate_radps = wish.yaw_rate_radps * CAREFUL_MPS / wish.v_mps
-        return replace(wish, v_mps=CAREFUL_MPS, yaw_rate_radps=yaw_rate_radps)
+        v_mps, yaw_rate_radps = slowed(wish.v_mps, wish.yaw_rate_radps, CAREFUL_MPS)
+        return replace(wish, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps)
 
     # ------------------------------------------------------------------ touching it
 
@@ -107,8 +109,12 @@ class Hug:
             return False
         self._room_m = MORE * self._room_m if since_m < SOON_M else FELT_ROOM_M
         felt_m = lateral_m - side * self._room_m
-        if abs(felt_m) > ASIDE_M:
+        last = touch(now.contact, now.odom)
+        wall = wall_since(last, now.run.touches)
+        across = wall is not None and abs(wall[1]) < ALONG_RAD
+        if abs(felt_m) > ASIDE_M or across:
             return False
+        now.run.touches.appendleft(last)
         self._side, self._felt, self._nearer_m = side, (felt_m, now.pose.yaw_rad), 0.0
         self._swing = _Swing(now, side)
         return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -18,6 +19,7 @@ from robot.mission.desk import PlanDesk
 from robot.mission.dock_sight import DockSight
 from robot.mission.job import Job
 from robot.mission.settings import Settings
+from robot.mission.touch import LATELY, Touch
 from robot.mission.trail import Trail
 
 CLEAR_EVERY_S = 0.3
@@ -56,8 +58,9 @@ class RunRecord:
     dock_tries: int = 0
     trouble: Trouble = field(default_factory=Trouble)
     held_at: list[SE2] = field(default_factory=list)  # odom_from_base where wheels were held
-    touched_at: list[SE2] = field(default_factory=list)  # and where something was touched
+    touched_at: list[SE2] = field(default_factory=list)  # and where a touch was a trouble
     blocked_at: list[SE2] = field(default_factory=list)  # or stood right before it
+    touches: deque[Touch] = field(default_factory=lambda: deque(maxlen=LATELY))  # latest first
     trail: Trail = field(default_factory=Trail)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from robot.control.follow import turn_rate_radps
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import SE2, wrap_angle
-from robot.mission.drive import back_round, matter_near
+from robot.mission.drive import back_round
 from robot.mission.ladder import (
     RETRACE_FROM,
     RUNGS,
@@ -20,9 +20,11 @@ from robot.mission.ladder import (
     back_off_m,
     exhausted,
 )
+from robot.mission.marks import GAP_M, line, touched
 from robot.mission.retrace import Retrace
 from robot.mission.state import Latch, Situation, State, Step, Trouble, seconds
 from robot.mission.states.rest import give_up
+from robot.mission.touch import touch
 
 BACK_MPS = 0.08
 TURN_DONE_RAD = 0.1
@@ -31,11 +33,6 @@ WIGGLE_RADPS, WIGGLE_MPS, WIGGLE_EVERY_S = 1.0, 0.06, 0.6
 RETRACE_M = 0.4
 RETRACE_ENCLOSED_M = 1.5
 GRAZE_BACK_M, GRAZE_TURN_RAD = 0.03, 0.25  # a wall brushed with one side needs no more
-SIDES_RAD = {"left": (0.0, 1.8), "right": (-1.8, 0.0), "front": (-0.5, 0.5)}
-USUAL = 0.4  # where on a side it is touched when nothing is known: rather before it than beside it
-TOUCH_REACH_M = 0.06  # matter that the map knows so near the rim is what was touched
-TOUCH_DEPTH_M = 0.015  # the nearest of it, as thick as the map is unsure: its middle was touched
-TOUCH_GAP_M = 0.005  # a touched thing is marked so far beyond the rim
 TOUCH_HALF_M = 0.025  # half the width of what is marked at least,
 TOUCHED_MOST = 3  # and so often it doubles with touches so near to one another:
 TOUCHED_NEAR_M = 0.3
@@ -44,7 +41,6 @@ HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's
 FORGET_M = 1.0
 CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, so far from the last,
 WORK_M2 = 0.1  # or after so much that was swept
-STRIP_M = 0.3  # of a wall, to either side: who drives along it would touch it again and again
 
 
 class Recover(State):
@@ -210,11 +206,11 @@ class Recover(State):
         contact = now.contact
         held = _times_before(now, now.run.held_at, AWAY_M) if self._kind in ("stop", "slip") else 0
         if self._kind in ("bump", "stuck") or held:
-            side = "front" if contact.bump_left == contact.bump_right else "left"
-            side = "right" if side == "left" and contact.bump_right else side
             times = _times_before(now, now.run.touched_at, TOUCHED_NEAR_M)
             half_m = TOUCH_HALF_M * 2.0 ** min(times, TOUCHED_MOST)
-            now.grid.mark_obstacle(*_touched(now, *SIDES_RAD[side], half_m))
+            last = touch(contact, now.odom)
+            now.grid.mark_obstacle(*touched(now, last, half_m))
+            now.run.touches.appendleft(last)
             if held:
                 now.grid.mark_obstacle(_across(now, HELD_HALF_M * min(held, HELD_MOST)))
         elif self._kind == "cliff":
@@ -241,42 +237,10 @@ def _is_another(now: Situation) -> bool:
     return freely and (calm or away or now.swept.area_m2 - last.swept_m2 > WORK_M2)
 
 
-def _touched(
-    now: Situation, low_rad: float, high_rad: float, half_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 2) of `world` where the bumper met something between two bearings, and its normal.
-
-    If the map knows matter close to the rim there, that is what was touched, and as much of it as
-    lies along the touched tangent within `STRIP_M` is moved there: the map was off. Otherwise the
-    middle of the side is as good a guess as any. At least `half_m` to either side is marked: more
-    would close narrow passages, less would make it feel its way along what it cannot see.
-    """
-    guess = USUAL * (low_rad + high_rad)
-    rim_m = now.robot.radius_m + TOUCH_GAP_M
-    known = matter_near(now.view, now.pose, rim_m + STRIP_M)
-    at = now.pose.inverse().apply(known)
-    away, bearing = np.hypot(at[:, 0], at[:, 1]), np.arctan2(at[:, 1], at[:, 0])
-    close = away < now.robot.radius_m + TOUCH_REACH_M
-    close &= (bearing >= low_rad - 0.1) & (bearing <= high_rad + 0.1)
-    if close.any():
-        guess = float(bearing[close & (away < away[close].min() + TOUCH_DEPTH_M)].mean())
-    normal = np.array([math.cos(guess), math.sin(guess)])
-    tangent = np.array([-normal[1], normal[0]])
-    beyond, along = at @ normal - rim_m, at @ tangent
-    wall = (np.abs(beyond) < TOUCH_REACH_M) & (np.abs(along) < STRIP_M)
-    strip = np.outer(np.append(along[wall], _line(half_m)), tangent)
-    return now.pose.apply(strip + rim_m * normal), SE2(yaw_rad=now.pose.yaw_rad).apply(normal)
-
-
-def _line(half_m: float) -> np.ndarray:
-    """Places (n,) from -half_m to half_m, near enough to one another to be a line in the map."""
-    return np.linspace(-half_m, half_m, 2 * round(half_m / TOUCH_HALF_M) + 1)
-
-
 def _across(now: Situation, half_m: float) -> np.ndarray:
     """Points (n, 2) of `world` on a line before the robot, across its way."""
-    y = _line(half_m)
-    ahead = np.full(len(y), now.robot.radius_m + TOUCH_GAP_M)
+    y = line(-half_m, half_m)
+    ahead = np.full(len(y), now.robot.radius_m + GAP_M)
     return now.pose.apply(np.stack([ahead, y], axis=-1))
 
 

@@ -11,6 +11,7 @@ from robot.control.wish import Wish
 from robot.geometry.se2 import SE2, exp
 from robot.messages import ClearOrder, Contact, LinkState, Scan
 from robot.mission.hug import ASIDE_M, CAREFUL_MPS, SWING_RAD, SWUNG_S, Hug
+from robot.mission.touch import Touch
 
 CONFIG = Config()
 RADIUS_M = CONFIG.robot.radius_m
@@ -132,6 +133,15 @@ def test_the_front_or_nothing_known_beside_it_is_trouble():
     now.gate.sight.know(np.array([[0.0, RADIUS_M + 0.01]]))
     assert Hug().feels(now, 0.0)
     assert not Hug().feels(now, 1.5 * ASIDE_M)
+
+
+def test_what_two_touches_show_to_lie_across_its_way_is_trouble():
+    for yaw_rad, along in ((0.1, True), (0.8, False)):  # towards a wall along x
+        now, hug = situation(CONFIG, Contact(0, bump_left=True)), Hug()
+        now.run.touches.appendleft(Touch(SE2(-0.05, 0.0, yaw_rad), 1.0))
+        now.odom = now.pose = SE2(0.0, 0.0, yaw_rad)
+        now.gate.sight.know(now.odom.apply(np.array([[0.0, RADIUS_M + 0.01]])))
+        assert hug.feels(now, 0.0) == along
 
 
 def test_what_holds_it_fast_is_trouble_after_a_while():

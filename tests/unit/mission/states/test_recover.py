@@ -162,6 +162,20 @@ def test_what_is_touched_again_and_again_is_marked_wider_each_time():
     assert wide_m == sorted(wide_m) and wide_m[0] < 0.1 and 0.3 < wide_m[-1] < 0.5
 
 
+def test_a_slanted_thing_that_nobody_sees_is_marked_as_it_lies():
+    """Its bumper meets a wall along x with 40 degrees between way and wall, and then once more."""
+    life, yaw_rad = Life(Contact(0)), 0.7
+    for x_m in (0.0, 0.06):
+        life.step, life.now.contact = None, Contact(0, bump_left=True)
+        life.now.odom = life.now.pose = SE2(x_m, 0.0, yaw_rad)
+        before = {tuple(p) for p in occupied(life.now.grid.snapshot())}
+        Recover("bump", life.resume).enter(life.now)
+    new = [p for p in map(tuple, occupied(life.now.grid.snapshot())) if p not in before]
+    x, y = np.array(new).T
+    assert np.ptp(x) > 0.1 and np.ptp(y) < 0.03
+    assert abs(y.mean() - CONFIG.robot.radius_m) < 0.03 and -0.1 < x.mean() < 0.15
+
+
 def test_what_the_eyes_see_before_it_is_marked_only_where_it_stands_twice():
     life = Life(Contact(0), stop="")
     ahead_m = np.full(9, CONFIG.robot.radius_m + 0.02)
