@@ -27,9 +27,10 @@ _RIM_M = 0.05  # slack for the pose's error when a touched place is found to be 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GridMemory:
-    """A grid to begin with: evidence float32, touched cells bool, faces float32, (rows, columns).
+    """A grid to begin with: arrays of (rows, columns), float32, `sticky` and `driven` bool.
 
-    `behind_m` is how far a cell's centre lies behind the face of matter, NaN where that is unknown.
+    `sticky` cells were touched, on `driven` ones the robot has stood; `behind_m` is how far a
+    cell's centre lies behind the face of matter, NaN where that is unknown.
     Cell (0, 0) has its outer corner at (`ix0`, `iy0`) times `resolution_m` in `world`.
     """
 
@@ -39,6 +40,7 @@ class GridMemory:
     log_odds: np.ndarray
     sticky: np.ndarray
     behind_m: np.ndarray
+    driven: np.ndarray
 
 
 class OccupancyGrid:
@@ -54,6 +56,7 @@ class OccupancyGrid:
         self._window = Window(0, 0, 0, 0)
         self._log_odds = np.zeros((0, 0), np.float32)
         self._sticky = np.zeros((0, 0), bool)
+        self._driven = np.zeros((0, 0), bool)
         self._fronts = Fronts(config.resolution_m)
         step_m = config.resolution_m * 0.8
         self._radii_m = np.arange(step_m / 2.0, config.max_range_m, step_m, dtype=np.float32)
@@ -125,6 +128,15 @@ class OccupancyGrid:
         part = self._log_odds[self._window.slices(window)]
         self._sticky[self._window.slices(window)] &= far_m2 > max(0.0, radius_m - _RIM_M) ** 2
         part[inside] = np.minimum(part[inside], -2.0 * self._config.free_below)
+        self._driven[self._window.slices(window)] |= inside
+
+    def driven(self, points_m: np.ndarray) -> bool:
+        """Whether the robot has stood on each of the points (n, 2) of `world`, ever."""
+        ix, iy = np.floor(points_m / self._config.resolution_m).astype(int).T
+        x, y = ix - self._window.ix0, iy - self._window.iy0
+        rows, columns = self._driven.shape
+        inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+        return bool(inside.all()) and bool(self._driven[y, x].all())
 
     def memory(self) -> GridMemory:
         """Copy what is known, cut to it."""
@@ -133,7 +145,8 @@ class OccupancyGrid:
         )
         if len(rows) == 0:
             none = np.zeros((0, 0), np.float32)
-            return GridMemory(self._config.resolution_m, 0, 0, none, none.astype(bool), none)
+            no = none.astype(bool)
+            return GridMemory(self._config.resolution_m, 0, 0, none, no, none, no)
         part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
         ix0, iy0 = self._window.ix0 + int(columns[0]), self._window.iy0 + int(rows[0])
         return GridMemory(
@@ -143,6 +156,7 @@ class OccupancyGrid:
             self._log_odds[part].copy(),
             self._sticky[part].copy(),
             self._fronts.memory()[part],
+            self._driven[part].copy(),
         )
 
     def restore(self, memory: GridMemory) -> None:
@@ -154,6 +168,7 @@ class OccupancyGrid:
         self._log_odds = memory.log_odds.astype(np.float32)
         self._sticky = memory.sticky.astype(bool)
         self._fronts.restore(self._window, memory.behind_m)
+        self._driven = memory.driven.astype(bool)
 
     def snapshot(self) -> Grid:
         """The grid as a message, cut to what is known (at least one cell)."""
@@ -224,6 +239,7 @@ class OccupancyGrid:
         new = grown(self._window if self._log_odds.size else wanted, wanted)
         self._log_odds = moved(self._log_odds, self._window, new)
         self._sticky = moved(self._sticky, self._window, new)
+        self._driven = moved(self._driven, self._window, new)
         self._fronts.follow(new)
         self._window = new
         return True

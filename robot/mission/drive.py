@@ -17,6 +17,7 @@ LOOK_AHEAD_M = 0.7
 LOOK_EVERY_S = 0.4
 SLACK_M = 0.05  # the map may touch the body by so much before the path counts as blocked
 OFF_PATH_M = 0.35
+NEXT_M, NEXT_HALF_M = 0.08, 0.12  # it looks so far before its rim whether it has driven there
 BACK_ROUND_RADPS = 0.8
 
 
@@ -26,6 +27,8 @@ class Drive:
     def __init__(self, path: Path, now: Situation, *, cleans: bool) -> None:
         self._follower = Follower(path, now.pose, now.control, now.robot)
         self._cleans = cleans
+        across_m = np.linspace(-NEXT_HALF_M, NEXT_HALF_M, 5)
+        self._next_m = np.stack([np.full(5, now.robot.radius_m + NEXT_M), across_m], axis=-1)
         self._reason = "sweeping" if cleans else "on the way"
         self._stopped_ns: int | None = None
         self._looked_ns = now.t_ns
@@ -62,10 +65,13 @@ class Drive:
                 self.blocked = "the map shows something on the path"
         if self.blocked:
             return halt(self.blocked)
+        v_mps, yaw_rate_radps = steering.v_mps, steering.yaw_rate_radps
+        if v_mps > now.config.new_floor_mps and not now.grid.driven(now.pose.apply(self._next_m)):
+            v_mps, yaw_rate_radps = slowed(v_mps, yaw_rate_radps, now.config.new_floor_mps)
         brush, fan = now.config.brush, now.config.fan * now.settings.fan_share
         if not self._cleans:
             brush = fan = 0.0
-        return Wish(steering.v_mps, steering.yaw_rate_radps, brush, fan, self._reason)
+        return Wish(v_mps, yaw_rate_radps, brush, fan, self._reason)
 
     def _watch_gate(self, now: Situation, v_mps: float) -> None:
         """Something right before the robot for some time blocks the path."""
@@ -75,6 +81,11 @@ class Drive:
             self._stopped_ns = now.t_ns
         elif seconds(self._stopped_ns, now.t_ns) >= BLOCKED_S:
             self.blocked = "something stands right before the robot"
+
+
+def slowed(v_mps: float, yaw_rate_radps: float, most_mps: float) -> tuple[float, float]:
+    """The same arc at `most_mps`."""
+    return most_mps, yaw_rate_radps * most_mps / v_mps
 
 
 def back_round(robot: RobotConfig, way: float, reason: str) -> Wish:

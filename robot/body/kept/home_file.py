@@ -28,7 +28,7 @@ FORMAT = 1
 _MAX_BYTES = 64_000_000
 _MAX_CELLS = 4000  # along one side: 200 m
 _SLAM = ("state", "kind", "height_m", "sightings", "visits", "signature", "signature_of")
-_GRID = ("log_odds", "sticky", "behind_m")
+_GRID = ("log_odds", "sticky", "behind_m", "driven")
 _DTYPE: dict[str, type] = {
     "slam.state": np.float64, "slam.cov": np.float64, "slam.kind": np.uint8,
     "slam.height_m": np.float64, "slam.sightings": np.int32, "slam.visits": np.int32,
@@ -36,6 +36,7 @@ _DTYPE: dict[str, type] = {
     "places.xy_m": np.float64, "places.height_m": np.float64, "places.signature": np.uint8,
     "places.kind": np.uint8, "places.sightings": np.int32,
     "grid.log_odds": np.float32, "grid.sticky": np.bool_, "grid.behind_m": np.float32,
+    "grid.driven": np.bool_,
 }  # fmt: skip
 
 
@@ -73,6 +74,8 @@ def decode_home(data: bytes, name: str) -> Home:
             arrays = {key: archive[key] for key in (*_DTYPE, "about") if key in archive}
         if "grid.behind_m" not in arrays:  # older files hold none
             arrays["grid.behind_m"] = np.full_like(arrays["grid.log_odds"], np.nan)
+        if "grid.driven" not in arrays:
+            arrays["grid.driven"] = np.zeros(arrays["grid.log_odds"].shape, bool)
         about = json.loads(arrays.pop("about").tobytes())
         if about["format"] != FORMAT:
             raise MapError(
@@ -101,6 +104,7 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
         "places.signature": (p, SIGNATURE_BYTES), "places.kind": (p,), "places.sightings": (p,),
         "grid.sticky": arrays["grid.log_odds"].shape,
         "grid.behind_m": arrays["grid.log_odds"].shape,
+        "grid.driven": arrays["grid.log_odds"].shape,
     }  # fmt: skip
     if any(arrays[key].shape != shape for key, shape in shapes.items()) or n < 10 or n % 2:
         raise ValueError("wrong shape")

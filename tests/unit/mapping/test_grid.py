@@ -206,3 +206,19 @@ def test_touches_are_forgotten_where_the_eyes_see_floor():
     assert free(cell(view, 0.6, 0.0))
     assert cell(view, 1.2, 0.0) >= 50  # too far away
     assert cell(view, 0.0, 0.5) >= 50  # never seen
+
+
+def test_it_remembers_where_the_robot_has_stood():
+    grid = OccupancyGrid(MappingConfig())
+    here = np.array([[0.0, 0.1], [0.1, 0.0]])
+    assert not grid.driven(here)
+    grid.integrate(SE2(), scan_of(SE2(), wall_at(2.0)))  # seen to be free is not driven
+    assert not grid.driven(np.array([[1.0, 0.0]]))
+    grid.clear_footprint(SE2(), 0.17)
+    assert grid.driven(here) and not grid.driven(np.vstack([here, [[0.3, 0.0]]]))
+    grid.clear_footprint(SE2(-9.0), 0.17)  # the grid grows
+    again = OccupancyGrid(MappingConfig())
+    again.restore(grid.memory())
+    for known in (grid, again):
+        assert known.driven(here) and not known.driven(np.array([[-4.0, 0.0]]))
+        assert not known.driven(np.array([[50.0, 0.0]]))

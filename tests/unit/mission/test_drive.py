@@ -3,10 +3,13 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from situations import situation
 
+from robot.config import Config
+from robot.control.safety import Verdict
 from robot.geometry.se2 import SE2
-from robot.messages import Grid
-from robot.mission.drive import matter_near, meets_matter
+from robot.messages import Contact, Grid, Path
+from robot.mission.drive import Drive, matter_near, meets_matter
 
 RES = 0.05
 
@@ -50,3 +53,22 @@ def test_matter_near_the_robot_is_found_and_far_matter_is_not():
         tuple(np.round(centre(x, 10), 9)) for x in (20, 21)
     )
     assert matter_near(grid, SE2(30.0, 0.0, 0.0), 0.3).shape == (0, 2)
+
+
+def test_where_it_has_never_been_it_drives_slowly():
+    config = Config()
+    now = situation(config, Contact(0))
+    now.gate.verdict = Verdict(free_m=2.0)
+    drive = Drive(Path(np.array([[0.0, 0.0], [3.0, 0.0]])), now, cleans=True)
+    slow = new = None
+    for x in np.arange(0.0, 1.0, 0.02):
+        now.pose = now.odom = SE2(x)
+        wish = drive.tick(now)
+        assert not drive.blocked
+        if x == 0.0:
+            new = wish.v_mps  # half a metre around it is known floor
+        slow = wish.v_mps
+    assert new == config.robot.cruise_mps and slow == config.mission.new_floor_mps
+    for x in np.arange(0.0, 3.0, 0.1):
+        now.grid.clear_footprint(SE2(x), config.robot.radius_m)
+    assert drive.tick(now).v_mps == config.robot.cruise_mps

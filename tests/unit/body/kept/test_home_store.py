@@ -50,7 +50,7 @@ def home(seed: int = 1, landmarks: int = 5) -> Home:
     notes = MapNotes(Annotations(rooms=(RoomName(f"kitchen {seed}", (1.0, 2.0)),)))
     return Home(
         slam,
-        GridMemory(0.05, -7, 3, cells, cells > 2, np.where(cells > 1, cells, np.nan)),
+        GridMemory(0.05, -7, 3, cells, cells > 2, np.where(cells > 1, cells, np.nan), cells < 1),
         SE2(0.1, -0.2, 0.3),
         SE2(0.2),
         notes.to_dict(),
@@ -66,7 +66,7 @@ def same(a: Home, b: Home) -> bool:
         for f in PlacePoints.__dataclass_fields__
     ]
     pairs += [(a.grid.log_odds, b.grid.log_odds), (a.grid.sticky, b.grid.sticky)]
-    pairs += [(a.grid.behind_m, b.grid.behind_m)]
+    pairs += [(a.grid.behind_m, b.grid.behind_m), (a.grid.driven, b.grid.driven)]
     rest = [
         (h.slam.marker_known, h.grid.ix0, h.grid.iy0, h.world_from_docked, h.docked_from_marker)
         for h in (a, b)
@@ -93,13 +93,15 @@ def test_an_empty_map_can_be_kept(tmp_path: Path) -> None:
     assert same(decode_home(encode_home(home(2, landmarks=0)), "x"), home(2, landmarks=0))
 
 
-def test_a_file_from_before_faces_were_kept_is_read(tmp_path: Path) -> None:
+def test_a_file_from_before_faces_and_ways_were_kept_is_read(tmp_path: Path) -> None:
+    newer = ("grid.behind_m", "grid.driven")
     with np.load(io.BytesIO(encode_home(home()))) as archive:
-        older = {key: archive[key] for key in archive if key != "grid.behind_m"}
+        older = {key: archive[key] for key in archive if key not in newer}
     file = io.BytesIO()
     np.savez_compressed(file, **older)
     grid = decode_home(file.getvalue(), "older").grid
     assert np.isnan(grid.behind_m).all() and grid.behind_m.shape == grid.log_odds.shape
+    assert not grid.driven.any() and grid.driven.shape == grid.log_odds.shape
 
 
 def test_a_damaged_file_is_reported_and_the_one_before_used(tmp_path: Path) -> None:
