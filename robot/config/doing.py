@@ -79,7 +79,7 @@ class MissionConfig(Section, frozen=True):
     fruitful_m2: NotNegative = 0.05
     staging_m: Positive = 0.7  # where the approach to the dock begins, before the docked pose
     dock_tries: Count = 3
-    new_floor_mps: Positive = 0.14  # where no wheel has been yet: eyes do not see glass
+    new_floor_mps: Positive = 0.15  # where no wheel has been yet: eyes do not see glass
     back_off_m: Annotated[float, Meta(gt=0.0, le=0.3)] = 0.10
     stuck_s: Positive = 4.0
     denied_give_up_s: Positive = 30.0  # the gate lets nothing move for so long: an error
