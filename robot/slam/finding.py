@@ -17,15 +17,12 @@ import numpy as np
 from robot.config import SlamConfig
 from robot.geometry.se2 import SE2, wrap_angle
 from robot.messages import Seen
+from robot.slam.continuity import Continuity
 from robot.slam.places import PlaceMap, PlacePoints, Tracks
 from robot.slam.relocalise import Glimpse, Relocaliser
 
 FAMILIAR_NS = 10_000_000_000  # a landmark known for so long was not born of an error just made
 _FAMILIAR_COUNT = 3
-_CROWD = 40  # points that tell a motion, and in the next frame never less than a motion needs,
-_NEXT_NS = 250_000_000  # if that follows so soon
-_READABLE = 0.5  # and has so much of its quality: no dark, no wall before the eyes
-_KEPT = 0.125  # of the tracks seem to go on elsewhere, by likeness
 _DOUBT_NS = 1_500_000_000  # without a familiar landmark for so long, the pose is checked
 _QUARANTINE_NS = 30_000_000_000
 _DOUBTING_EVERY_NS, _CALM_EVERY_NS = 500_000_000, 2_500_000_000
@@ -52,14 +49,13 @@ class SelfFinder:
         self.lost = False
         self._sure_ns: int | None = None  # when familiar landmarks last spoke for the pose
         self.placed_ns = 0  # when places last did
-        self._followed: set[int] = set()  # tracks of the last frame
-        self._held = 0  # points that told its motion
-        self._quality, self._frame_ns = 0.0, 0
+        self._continuity = Continuity()
         self._broken_ns = 0  # when nothing was followed on: what was seen before stands apart
 
     def moved(self, previous_from_current: SE2) -> None:
         """Carry the local frame along with the odometry."""
         self._local_from_base = self._local_from_base @ previous_from_current
+        self._continuity.moved(previous_from_current)
 
     def lose(self) -> None:
         """The robot does not know where it is any more; what it saw before is of no use."""
@@ -71,7 +67,7 @@ class SelfFinder:
         """The robot knows where it is."""
         self.lost = False
         self._sure_ns = self.placed_ns = t_ns
-        self._followed, self._held = set(), 0
+        self._continuity = Continuity()
         self._drop_new()
 
     def search(self, seen: Seen, fits: Fits | None = None) -> SE2 | None:
@@ -83,25 +79,12 @@ class SelfFinder:
         return pose if fits is None or fits(pose) >= _MAY_FIT else None
 
     def follow(self, seen: Seen) -> None:
-        """While not lost, every frame: be lost where all that was followed ends at once.
-
-        A crowd of points never does from one frame to the next, in a picture as good as the last,
-        unless somebody carried the robot.
-        """
-        tracks = {landmark.track_id for landmark in seen.landmarks if landmark.track_id >= 0}
-        kept = len(tracks & self._followed)
-        if seen.motion is None and not kept:
+        """While not lost, every frame: be lost where it shows another place than the last one."""
+        change = self._continuity.follow(seen)
+        if change != "none":
             self._broken_ns = seen.t_ns
-        if seen.motion is None and self._carried(seen, kept):
+        if change == "carried":
             self.lose()
-        self._followed, self._held = tracks, 0 if seen.motion is None else seen.motion.inliers
-        self._quality, self._frame_ns = seen.quality, seen.t_ns
-
-    def _carried(self, seen: Seen, kept: int) -> bool:
-        """Whether no motion that leaves `kept` of the tracks leads from the last frame to this."""
-        readable = seen.quality >= _READABLE * self._quality
-        at_once = seen.t_ns - self._frame_ns < _NEXT_NS
-        return self._held >= _CROWD and kept <= _KEPT * len(self._followed) and readable and at_once
 
     def judge(
         self, seen: Seen, familiar: int, pose: SE2, cov: np.ndarray, fits: Fits | None = None
