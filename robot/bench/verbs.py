@@ -154,12 +154,12 @@ def _slam(arguments: argparse.Namespace) -> Result:
 
     result = bench_slam(
         arguments.path,
-        _config(arguments),
         arguments.association,
         arguments.out,
         arguments.perturb,
         tell=lambda line: print(line, file=sys.stderr),
         growth=arguments.growth,
+        config=_config(arguments) if arguments.config else None,
     )
     tables = {"slam": result["runs"], "cost of one step": result["cost"]}
     if result["growth"]:

@@ -184,19 +184,20 @@ def replay(
             perception = (make_perception or _perception)(log.header)
         body = ReplayedBody(log, perception)
         if make_brain is None:
-            brain = _brain(log.header, str(path))
+            brain = brain_of(log.header, str(path))
         else:
             brain = make_brain(log.header.config())
         run(body, brain, _NoLog())
         return body.result
 
 
-def _brain(header: LogHeader, name: str) -> Brain:
+def brain_of(header: LogHeader, name: str, config: Config | None = None) -> Brain:
+    """The brain that wrote the log, or with another `config`. Raises ConfigError, MapError."""
     from robot.body.kept.home_file import decode_home
     from robot.brain import Brain
 
     home = decode_home(header.home, f"the map in {name}") if header.home else None
-    return Brain(header.config(), home)
+    return Brain(config or header.config(), home)
 
 
 def _perception(header: LogHeader) -> Sees:

@@ -65,7 +65,7 @@ class ControlConfig(Section, frozen=True):
 class MissionConfig(Section, frozen=True):
     """What a cleaning run does."""
 
-    max_duration_s: Positive = 3600.0  # of cleaning; then the robot returns to its dock
+    max_duration_s: Positive = 10800.0  # of cleaning; then the robot returns to its dock
     battery_return_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 20.0
     battery_stop_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 5.0  # stop where it is
     battery_resume_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 80.0  # go on after charging

@@ -28,19 +28,19 @@ ASSOCIATIONS = ("known", "unknown")
 
 def bench_slam(
     path: Path,
-    config: Config,
     association: str | None = None,
     out_dir: Path | None = None,
     perturbations: str = "",
     sizes: tuple[int, ...] = SIZES,
     tell: Callable[[str], None] | None = None,
     growth: bool = False,
+    config: Config | None = None,
 ) -> dict[str, Any]:
     """Measure the recording at `path`, or all under it; `association` None: known and unknown.
 
+    Logs of ours are run with their own configuration, or with `config`.
     With `out_dir`, a picture and TUM trajectories of each go there; `tell` hears how far it is.
-    Raises DataError or LogError
-    for what cannot be read.
+    Raises DataError or LogError for what cannot be read.
     """
     changes = parse_perturbations(perturbations)
     logs = [path] if path.suffix == ".mcap" else sorted(path.rglob("*.mcap"))

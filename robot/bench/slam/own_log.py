@@ -1,4 +1,7 @@
-"""A log of ours through the robot's own SLAM, without rendering or perception."""
+"""A log of ours through the robot's own brain, without rendering or perception.
+
+The whole brain, as what the map knows of matter also tells a robot where it is.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from robot.bench.slam.survey import NEES_BOUND
+from robot.body.replayed import brain_of
 from robot.config import Config
 from robot.evaluate.consistency import best_share_rmse_m, nees
 from robot.evaluate.trajectory import associate, compare_tracks
 from robot.geometry.se2 import SE2
 from robot.log.codec import TruePose
 from robot.log.reader import LogReader
-from robot.messages import ImuSample, PoseEstimate, Seen, WheelTravel
+from robot.messages import ImuSample, MapReport, PoseEstimate, Seen, WheelTravel
 from robot.slam.slam import Slam
 
-_USED = (WheelTravel, ImuSample, Seen, TruePose)
 _TELL_EVERY_NS = 60_000_000_000
 
 
@@ -33,15 +36,17 @@ class LogRun:
     landmarks: tuple[np.ndarray, np.ndarray]
 
 
-def measure_log(path: Path, config: Config, tell: Callable[[str], None] | None = None) -> LogRun:
-    """SLAM over the log's wheels, gyro and perceived frames, against the simulator's truth.
+def measure_log(
+    path: Path, config: Config | None = None, tell: Callable[[str], None] | None = None
+) -> LogRun:
+    """What the brain makes of the log's events, against the simulator's truth.
 
-    The log is read once and what is not needed is not decoded; `tell` hears every minute of it.
+    It begins with the map that the robot began with; `config` instead of the log's own.
+    The log is read once; `tell` hears every minute of it.
     NEES is taken from the start pose: there the robot's frame begins, with hardly a doubt.
-    Raises LogError for what is not a log.
+    Raises LogError for what is not a log, ConfigError or MapError for what it began with.
     """
-    track, covs, blind, truth, slam = _drive(path, config, tell or (lambda _: None))
-    landmarks = slam.landmarks()
+    track, covs, blind, truth, landmarks = _drive(path, config, tell or (lambda _: None))
     row: dict[str, Any] = {
         "name": f"{path.parent.name}_{path.stem}",
         "association": "unknown",
@@ -73,35 +78,39 @@ def measure_log(path: Path, config: Config, tell: Callable[[str], None] | None =
 
 
 def _drive(
-    path: Path, config: Config, tell: Callable[[str], None]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Slam]:
-    """Track (n, 4) at the frames, covariances (n, 3, 3), the track without landmarks, truth."""
-    slam, blind = Slam(config.slam, config.robot), Slam(config.slam, config.robot)
+    path: Path, config: Config | None, tell: Callable[[str], None]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """Track (n, 4) at the frames, covariances (n, 3, 3), that of odometry alone, truth, map."""
     track: list[tuple[float, ...]] = []
     dead: list[tuple[float, ...]] = []
     truth: list[tuple[float, ...]] = []
     covs = []
+    landmarks = np.zeros((0, 2)), np.zeros((0, 2, 2))
     told_ns = 0
     with LogReader(path) as log:
+        config = config or log.header.config()
+        brain = brain_of(log.header, str(path), config)
+        blind = Slam(config.slam, config.robot)
         for entry in log.entries(("event", "truth")):
-            if entry.type not in _USED:
-                continue
             message = log.decoded(entry)
             if isinstance(message, TruePose):
                 truth.append(_row(message.t_ns, message.world_from_base))
+                continue
+            for answer in brain.on(message):
+                if isinstance(answer, PoseEstimate):
+                    track.append(_of(answer))
+                    covs.append(answer.cov)
+                elif isinstance(answer, MapReport):
+                    landmarks = answer.landmarks_m, answer.landmark_cov
+            if isinstance(message, WheelTravel | ImuSample):
+                blind.odometry(message)
             elif isinstance(message, Seen):
-                estimate = slam.see(message)
-                track.append(_of(estimate))
-                covs.append(estimate.cov)
                 dead.append(_of(blind.see(replace(message, landmarks=(), marker=None))))
                 if message.t_ns - told_ns >= _TELL_EVERY_NS:
                     told_ns = message.t_ns
                     tell(f"{path.parent.name}: {told_ns // _TELL_EVERY_NS} min")
-            else:
-                slam.odometry(message)
-                blind.odometry(message)
     tracks = [np.array(rows).reshape(-1, 4) for rows in (track, dead, truth)]
-    return tracks[0], np.array(covs).reshape(-1, 3, 3), tracks[1], tracks[2], slam
+    return tracks[0], np.array(covs).reshape(-1, 3, 3), tracks[1], tracks[2], landmarks
 
 
 def _of(estimate: PoseEstimate) -> tuple[float, ...]:

@@ -11,7 +11,6 @@ from robot.bench.slam.cost import measure_cost
 from robot.bench.slam.data import find_surveys, read_course, read_mrclam_raw, read_npz
 from robot.bench.slam.perturb import KINDS, parse_perturbations, perturb
 from robot.cli import main
-from robot.config import Config
 from robot.errors import DataError
 from robot.log.export import read_tum
 
@@ -67,7 +66,7 @@ def mrclam_raw(folder: Path) -> Path:
 
 
 def test_known_and_unknown_association(tmp_path: Path) -> None:
-    result = bench_slam(mrclam_npz(tmp_path), Config(), out_dir=tmp_path / "out", sizes=(10,))
+    result = bench_slam(mrclam_npz(tmp_path), out_dir=tmp_path / "out", sizes=(10,))
     assert {row["association"] for row in result["runs"]} == {"known", "unknown"}
     for row in result["runs"]:
         assert row.keys() >= KEYS
@@ -102,7 +101,7 @@ def test_victoria_park_has_no_names_and_no_heading(tmp_path: Path) -> None:
         [np.cos(sights[0, 3]), np.sin(sights[0, 3])]
     )
     assert data.polar[0, 0] == pytest.approx(np.hypot(*laser))
-    (row,) = bench_slam(tmp_path / "half.npz", Config(), "known", sizes=(5,))["runs"]
+    (row,) = bench_slam(tmp_path / "half.npz", "known", sizes=(5,))["runs"]
     assert row["association"] == "unknown" and row["wrong_association_pct"] is None
     assert row["nees_mean"] is None and row["ate_best90_m"] is not None
 
@@ -115,7 +114,7 @@ def test_course_log(tmp_path: Path) -> None:
     assert data.landmarks == {1: (2.0, 1.0)} and data.subject.tolist() == [1, 1]
     assert data.orders[:3, 1:] == pytest.approx(np.array([[0, 0.3], [3.0, 0], [0, -0.3]]))
     assert data.sight_t_s.tolist() == [1.0, 2.0] and len(data.truth) == 0
-    (row,) = bench_slam(file, Config(), "known", sizes=(5,))["runs"]
+    (row,) = bench_slam(file, "known", sizes=(5,))["runs"]
     assert row["ate_rmse_m"] is None and row["landmark_rmse_m"] is None
 
 
@@ -143,8 +142,8 @@ def test_perturbations_change_what_they_say(tmp_path: Path, kind: str) -> None:
 
 def test_a_mirrored_world_is_mapped_as_well(tmp_path: Path) -> None:
     file = mrclam_npz(tmp_path)
-    plain = bench_slam(file, Config(), "unknown", sizes=(5,))["runs"][0]
-    mirrored = bench_slam(file, Config(), "unknown", None, "mirror,relabel", sizes=(5,))["runs"][0]
+    plain = bench_slam(file, "unknown", sizes=(5,))["runs"][0]
+    mirrored = bench_slam(file, "unknown", None, "mirror,relabel", sizes=(5,))["runs"][0]
     assert mirrored["ate_rmse_m"] == pytest.approx(plain["ate_rmse_m"], abs=1e-3)
 
 
@@ -166,21 +165,21 @@ def test_wrong_perturbations_are_explained(text: str, complaint: str) -> None:
 
 def test_what_cannot_be_read_is_explained(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="does not exist"):
-        bench_slam(tmp_path / "nothing", Config())
+        bench_slam(tmp_path / "nothing")
     with pytest.raises(DataError, match="no recording"):
-        bench_slam(tmp_path, Config())
+        bench_slam(tmp_path)
     (tmp_path / "a.txt").write_text("")
     with pytest.raises(DataError, match="not a recording"):
-        bench_slam(tmp_path / "a.txt", Config())
+        bench_slam(tmp_path / "a.txt")
     np.savez(tmp_path / "b.npz", odo=np.zeros(3))
     with pytest.raises(DataError, match="it needs"):
-        bench_slam(tmp_path / "b.npz", Config())
+        bench_slam(tmp_path / "b.npz")
     (tmp_path / "c.npz").write_bytes(b"not a zip")
     with pytest.raises(DataError, match="download"):
-        bench_slam(tmp_path / "c.npz", Config())
+        bench_slam(tmp_path / "c.npz")
     (tmp_path / "sensor_data.dat").write_text("ODOMETRY 1 2\n")
     with pytest.raises(DataError, match="line 1"):
-        bench_slam(tmp_path / "sensor_data.dat", Config())
+        bench_slam(tmp_path / "sensor_data.dat")
 
 
 def test_command_line(tmp_path: Path) -> None:

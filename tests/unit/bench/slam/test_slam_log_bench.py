@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robot.bench.slam.bench import bench_slam
-from robot.config import Config, RobotConfig, dump_config
+from robot.config import Config, RobotConfig, SlamConfig, dump_config
 from robot.errors import DataError, LogError
 from robot.geometry.se2 import SE2
 from robot.log.header import LogHeader
@@ -60,24 +60,31 @@ def write_log(path: Path, with_truth: bool = True, duration_s: float = 65.0) -> 
 
 def test_a_log_is_measured_against_its_truth(tmp_path: Path) -> None:
     log, told = write_log(tmp_path / "log.mcap"), []
-    result = bench_slam(log, Config(), None, tmp_path / "out", sizes=(5,), tell=told.append)
+    result = bench_slam(log, None, tmp_path / "out", sizes=(5,), tell=told.append)
     (row,) = result["runs"]
     assert row["ate_rmse_m"] < 0.02 and 2 * row["ate_rmse_m"] < row["dead_reckoning_ate_m"]
     assert row["landmarks"] > 10 and row["nees_mean"] < 9.0 and row["nees_in_bound_pct"] > 80.0
     assert told == [f"{tmp_path.name}: 1 min"]
     assert {file.suffix for file in (tmp_path / "out").iterdir()} == {".png", ".tum"}
-    assert bench_slam(tmp_path, Config(), sizes=(5,))["runs"] == result["runs"]  # found in a folder
+    assert bench_slam(tmp_path, sizes=(5,))["runs"] == result["runs"]  # found in a folder
+
+
+def test_the_logs_own_configuration_counts_unless_another_is_given(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.mcap", duration_s=5.0)
+    other = Config(slam=SlamConfig(min_move_m=9.0, min_turn_rad=9.0))
+    as_logged, given = (bench_slam(log, sizes=(5,), config=c)["runs"][0] for c in (Config(), other))
+    assert bench_slam(log, sizes=(5,))["runs"] == [as_logged] != [given]
 
 
 def test_without_truth_there_is_a_map_only(tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.mcap", with_truth=False, duration_s=5.0)
-    (row,) = bench_slam(log, Config(), sizes=(5,))["runs"]
+    (row,) = bench_slam(log, sizes=(5,))["runs"]
     assert row["landmarks"] > 0 and row["ate_rmse_m"] is None is row["nees_mean"]
 
 
 def test_a_log_that_is_none_is_explained(tmp_path: Path) -> None:
     (tmp_path / "log.mcap").write_bytes(b"nothing")
     with pytest.raises(LogError):
-        bench_slam(tmp_path / "log.mcap", Config(), sizes=(5,))
+        bench_slam(tmp_path / "log.mcap", sizes=(5,))
     with pytest.raises(DataError, match="not logs"):
-        bench_slam(tmp_path / "log.mcap", Config(), None, None, "mirror")
+        bench_slam(tmp_path / "log.mcap", None, None, "mirror")
