@@ -17,7 +17,7 @@ import numpy as np
 from robot.config import SlamConfig
 from robot.slam.catalogue import Catalogue, Observations
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
-from robot.slam.sensor import expected, residual, wrap
+from robot.slam.sensor import expected, headings, residual, wrap
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,6 +132,7 @@ def _candidates(
     rise = np.abs(seen.height_m[free][:, None] - catalogue.heights_m()[None])
     reach = config.height_gate_m + config.height_gate_slope * seen.range_m[free]
     fits &= ~(rise > reach[:, None])  # an unknown height excludes nothing
+    fits &= catalogue.facing(headings(ekf.x[POSE], seen.sight[free]))
     fits[:, taken] = False
     rows = np.flatnonzero(fits.any(axis=1))
     if not len(rows):

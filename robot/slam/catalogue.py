@@ -15,6 +15,7 @@ _KINDS = {"point": 0, "edge": 1}
 AWAY_NS = 2_000_000_000  # a landmark unseen for longer was out of view
 _MAX_SIGNATURES = 5
 _NEW_SIGNATURE_BITS = 20  # a view that differs by less teaches nothing
+_BEHIND = -0.2  # cosine: no face is seen from its back; what is seen from all around has none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,16 +72,19 @@ class Entry:
     visits: int  # times it was found again by its signature
     born_ns: int
     last_seen_ns: int
+    along: np.ndarray = field(default_factory=lambda: np.full(2, np.nan))  # mean unit line of sight
     refused: int = 0  # sightings in a row that did not fit
     anchor: bool = False  # groups that sleep are known relative to it
 
-    def learn(self, bits: np.ndarray, height_m: float, t_ns: int) -> None:
-        """Take in a sighting that fitted."""
+    def learn(self, bits: np.ndarray, height_m: float, along: np.ndarray, t_ns: int) -> None:
+        """Take in a sighting that fitted, `along` (2,) in `world`."""
         self.sightings += 1
         self.last_seen_ns = t_ns
         self.refused = 0
+        weight = 1.0 / min(self.sightings, 50)
+        known = np.isfinite(self.along[0])
+        self.along = self.along + weight * (along - self.along) if known else along
         if np.isfinite(height_m):
-            weight = 1.0 / min(self.sightings, 50)
             known = np.isfinite(self.height_m)
             self.height_m = (
                 self.height_m + weight * (height_m - self.height_m) if known else height_m
@@ -108,9 +112,17 @@ class Catalogue:
     def __len__(self) -> int:
         return len(self.entries)
 
-    def add(self, kind: int, height_m: float, bits: np.ndarray, track: int, t_ns: int) -> None:
+    def add(
+        self,
+        kind: int,
+        height_m: float,
+        bits: np.ndarray,
+        along: np.ndarray,
+        track: int,
+        t_ns: int,
+    ) -> None:
         """Append the entry of a landmark that was appended to the filter."""
-        entry = Entry(len(self.entries), kind, height_m, [bits], 1, 1, t_ns, t_ns)
+        entry = Entry(len(self.entries), kind, height_m, [bits], 1, 1, t_ns, t_ns, along)
         self.entries.append(entry)
         if track >= 0:
             self.by_track[track] = entry
@@ -163,6 +175,11 @@ class Catalogue:
     def heights_m(self) -> np.ndarray:
         """Height (n,) of each landmark, NaN unknown."""
         return np.array([entry.height_m for entry in self.entries], dtype=float)
+
+    def facing(self, along: np.ndarray) -> np.ndarray:
+        """Whether who looks `along` (m, 2) may see each landmark, (m, n): not from its back."""
+        known = np.array([entry.along for entry in self.entries]).reshape(-1, 2)
+        return ~(along @ known.T < _BEHIND)  # an unknown side excludes nothing
 
     def hamming(self, bits: np.ndarray, among: np.ndarray) -> np.ndarray:
         """Smallest Hamming distances (m, k) of signatures (m, 256) to the k landmarks `among`."""

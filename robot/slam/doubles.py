@@ -44,6 +44,8 @@ def merge_doubles(ekf: LandmarkFilter, catalogue: Catalogue, config: SlamConfig)
 def _alike(a: Entry, b: Entry, config: SlamConfig) -> bool:
     if a.kind != b.kind or b.anchor or abs(a.height_m - b.height_m) > config.height_gate_m:
         return False
+    if a.along @ b.along < 0.0:  # the two faces of one wall
+        return False
     common = np.array(a.bits) @ np.array(b.bits).T
     return bool(0.5 * (BITS - common.max()) <= 0.5 * config.max_hamming)
 

@@ -21,7 +21,7 @@ from robot.slam.catalogue import Catalogue, Entry, Observations
 from robot.slam.doubles import merge_doubles
 from robot.slam.ekf import MARKER, POSE, YAW, LandmarkFilter
 from robot.slam.provisional import Waiting
-from robot.slam.sensor import expected_marker, locate, locate_marker, residual
+from robot.slam.sensor import expected_marker, headings, locate, locate_marker, residual
 
 _MARKER_GATE_CHI2 = 16.3  # 99.9 % of three degrees of freedom
 _ODD_CHI2 = 21.1  # 99.99 % of three degrees of freedom: the frame contradicts the pose
@@ -193,7 +193,8 @@ class LandmarkMap:
             if track >= 0:
                 self._catalogue.by_track[track] = entry
                 self._waiting.drop(np.array([track]))
-        entry.learn(seen.bits[sight], float(seen.height_m[sight]), t_ns)
+        along = headings(self._ekf.x[POSE], seen.sight[[sight]])[0]
+        entry.learn(seen.bits[sight], float(seen.height_m[sight]), along, t_ns)
 
     # ------------------------------------------------------------ growing and forgetting
 
@@ -208,10 +209,10 @@ class LandmarkMap:
             return
         position, by_pose, by_seen = locate(self._ekf.x[POSE], seen.sight[chosen])
         self._ekf.add(position, by_pose, by_seen, seen.cov[chosen])
-        for i in chosen.tolist():
-            self._catalogue.add(
-                int(seen.kind[i]), float(seen.height_m[i]), seen.bits[i], int(seen.track[i]), t_ns
-            )
+        along = headings(self._ekf.x[POSE], seen.sight[chosen])
+        for i, line in zip(chosen.tolist(), along, strict=True):
+            looks = int(seen.kind[i]), float(seen.height_m[i]), seen.bits[i], line
+            self._catalogue.add(*looks, int(seen.track[i]), t_ns)
         self._waiting.drop(seen.track[chosen])
 
     def _choose(self, seen: Observations, ripe: np.ndarray, spoken_for: np.ndarray) -> np.ndarray:

@@ -28,6 +28,7 @@ class SlamMemory:
     height_m: np.ndarray  # (m,), NaN unknown
     sightings: np.ndarray  # (m,)
     visits: np.ndarray  # (m,)
+    along: np.ndarray  # (m, 2) mean unit line of sight, NaN unknown
     signature: np.ndarray  # (k, 32) uint8, k >= m
     signature_of: np.ndarray  # (k,) index of the landmark
     places: PlacePoints
@@ -46,6 +47,7 @@ def remember(known: LandmarkMap, places: PlacePoints) -> SlamMemory:
         height_m=np.array([entry.height_m for entry in entries], float),
         sightings=np.array([entry.sightings for entry in entries], np.int32),
         visits=np.array([entry.visits for entry in entries], np.int32),
+        along=np.array([entry.along for entry in entries], float).reshape(-1, 2),
         signature=packed.reshape(-1, SIGNATURE_BYTES),
         signature_of=np.array([i for i, _ in signatures], np.int32),
         places=places,
@@ -68,9 +70,8 @@ def restore(memory: SlamMemory, ekf: LandmarkFilter, known: LandmarkMap) -> None
     for of, row in zip(memory.signature_of.tolist(), bits, strict=True):
         views[of].append(row)
     known.marker_known = memory.marker_known
+    columns = memory.kind, memory.height_m, memory.sightings, memory.visits, memory.along
     known.entries = [
-        Entry(i, int(kind), float(height_m), views[i], int(sightings), int(visits), 0, 0)
-        for i, (kind, height_m, sightings, visits) in enumerate(
-            zip(memory.kind, memory.height_m, memory.sightings, memory.visits, strict=True)
-        )
+        Entry(i, int(kind), float(height_m), views[i], int(sightings), int(visits), 0, 0, along)
+        for i, (kind, height_m, sightings, visits, along) in enumerate(zip(*columns, strict=True))
     ]

@@ -44,6 +44,12 @@ def expected(pose: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return sights, by_pose, by_point
 
 
+def headings(pose: np.ndarray, sights: np.ndarray) -> np.ndarray:
+    """Unit vectors (m, 2) in `world` along which the `sights` (m, 2) are seen from `pose` (3,)."""
+    angle = pose[2] + sights[:, 1]
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
 def locate(pose: np.ndarray, sights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Inverse of h: points (m, 2) in `world`, with Jacobians by pose (m, 2, 3) and sight."""
     angle = pose[2] + sights[:, 1]

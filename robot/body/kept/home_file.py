@@ -27,12 +27,12 @@ from robot.slam.places import SIGNATURE_BYTES, PlacePoints
 FORMAT = 1
 _MAX_BYTES = 64_000_000
 _MAX_CELLS = 4000  # along one side: 200 m
-_SLAM = ("state", "kind", "height_m", "sightings", "visits", "signature", "signature_of")
+_SLAM = ("state", "kind", "height_m", "sightings", "visits", "along", "signature", "signature_of")
 _GRID = ("log_odds", "sticky", "behind_m", "driven")
 _DTYPE: dict[str, type] = {
     "slam.state": np.float64, "slam.cov": np.float64, "slam.kind": np.uint8,
     "slam.height_m": np.float64, "slam.sightings": np.int32, "slam.visits": np.int32,
-    "slam.signature": np.uint8, "slam.signature_of": np.int32,
+    "slam.along": np.float64, "slam.signature": np.uint8, "slam.signature_of": np.int32,
     "places.xy_m": np.float64, "places.height_m": np.float64, "places.signature": np.uint8,
     "places.kind": np.uint8, "places.sightings": np.int32,
     "grid.log_odds": np.float32, "grid.sticky": np.bool_, "grid.behind_m": np.float32,
@@ -72,10 +72,7 @@ def decode_home(data: bytes, name: str) -> Home:
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {key: archive[key] for key in (*_DTYPE, "about") if key in archive}
-        if "grid.behind_m" not in arrays:  # older files hold none
-            arrays["grid.behind_m"] = np.full_like(arrays["grid.log_odds"], np.nan)
-        if "grid.driven" not in arrays:
-            arrays["grid.driven"] = np.zeros(arrays["grid.log_odds"].shape, bool)
+        _complete(arrays)
         about = json.loads(arrays.pop("about").tobytes())
         if about["format"] != FORMAT:
             raise MapError(
@@ -92,6 +89,14 @@ def decode_home(data: bytes, name: str) -> Home:
         raise MapError(f"{name}: is damaged or no map of a home; {remedy}.") from None
 
 
+def _complete(arrays: dict[str, np.ndarray]) -> None:
+    """Add what older files do not hold."""
+    cells = arrays["grid.log_odds"].shape
+    arrays.setdefault("grid.behind_m", np.full(cells, np.nan, np.float32))
+    arrays.setdefault("grid.driven", np.zeros(cells, bool))
+    arrays.setdefault("slam.along", np.full((len(arrays["slam.kind"]), 2), np.nan))
+
+
 def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Home:
     if any(arrays[key].dtype != kind for key, kind in _DTYPE.items()):
         raise ValueError("wrong type of numbers")
@@ -99,9 +104,10 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
     p = len(arrays["places.height_m"])
     shapes = {
         "slam.state": (n,), "slam.kind": (m,), "slam.height_m": (m,), "slam.sightings": (m,),
-        "slam.visits": (m,), "slam.signature": (k, SIGNATURE_BYTES), "slam.signature_of": (k,),
-        "slam.cov": (n * (n + 1) // 2,), "places.xy_m": (p, 2), "places.height_m": (p,),
-        "places.signature": (p, SIGNATURE_BYTES), "places.kind": (p,), "places.sightings": (p,),
+        "slam.visits": (m,), "slam.along": (m, 2), "slam.signature": (k, SIGNATURE_BYTES),
+        "slam.signature_of": (k,), "slam.cov": (n * (n + 1) // 2,), "places.xy_m": (p, 2),
+        "places.height_m": (p,), "places.signature": (p, SIGNATURE_BYTES),
+        "places.kind": (p,), "places.sightings": (p,),
         "grid.sticky": arrays["grid.log_odds"].shape,
         "grid.behind_m": arrays["grid.log_odds"].shape,
         "grid.driven": arrays["grid.log_odds"].shape,

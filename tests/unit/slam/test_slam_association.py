@@ -7,11 +7,12 @@ import pytest
 
 from robot.config import SlamConfig
 from robot.slam.association import Pairs, agreement, pair_up, pose_evidence
-from robot.slam.catalogue import Catalogue, Observations
+from robot.slam.catalogue import BITS, Catalogue, Entry, Observations
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
 from robot.slam.sensor import expected
 
 CONFIG = SlamConfig()
+AHEAD = np.array([1.0, 0.0])
 NOISE = np.diag([0.02**2, 0.005**2])
 
 
@@ -30,7 +31,7 @@ class Room:
         self.ekf.add(self.places, np.zeros((count, 2, 3)), small, np.tile(np.eye(2), (count, 1, 1)))
         self.catalogue = Catalogue()
         for i in range(count):
-            self.catalogue.add(0, self.heights[i], self.bits[i], 1000 + i, 0)
+            self.catalogue.add(0, self.heights[i], self.bits[i], AHEAD, 1000 + i, 0)
 
     def look(
         self, pose: np.ndarray, which: np.ndarray, tracks: np.ndarray, flips: float = 0.06
@@ -113,6 +114,24 @@ def test_other_heights_and_kinds_do_not_match() -> None:
     seen.height_m[:] = math.nan  # unknown height excludes nothing
     pairs, _ = room.accepted(seen)
     assert sorted(pairs.seen.tolist()) == [0, 1, 3]
+
+
+def test_a_wall_papered_alike_on_both_sides_has_two_faces() -> None:
+    room = Room(6)
+    for entry in room.catalogue.entries[:2]:
+        entry.along = -AHEAD
+    room.catalogue.entries[2].along = np.array([-0.1, 0.05])  # a leg, seen from all around
+    room.catalogue.entries[3].along = np.full(2, math.nan)  # of an older map
+    pairs, _ = room.accepted(room.look(np.zeros(3), np.arange(5), np.arange(5)))
+    assert sorted(pairs.seen.tolist()) == [2, 3, 4]
+
+
+def test_the_side_from_which_it_is_seen_is_learned() -> None:
+    entry = Entry(0, 0, 0.3, [np.ones(BITS)], 0, 1, 0, 0)
+    for yaw_rad, along in ((0.0, (1.0, 0.0)), (math.pi / 2, (0.5, 0.5)), (math.pi, (0.0, 1 / 3))):
+        line = np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
+        entry.learn(np.ones(BITS), 0.3, line, 1)
+        assert entry.along == pytest.approx(along)
 
 
 def test_nothing_seen_and_nothing_known() -> None:

@@ -10,6 +10,8 @@ from robot.slam.ekf import FIRST_LANDMARK, LandmarkFilter
 
 CONFIG = SlamConfig()
 
+AHEAD = np.array([1.0, 0.0])
+
 
 def twice(apart_m: float, sigma_m: float = 0.05) -> tuple[LandmarkFilter, Catalogue]:
     """Something seen till 5 s, and again from 9 s on `apart_m` away under another number."""
@@ -20,7 +22,7 @@ def twice(apart_m: float, sigma_m: float = 0.05) -> tuple[LandmarkFilter, Catalo
     bits = np.where(np.random.default_rng(1).uniform(size=(2, BITS)) < 0.5, -1, 1)
     catalogue = Catalogue()
     for track, (looks, born_s) in enumerate([(0, 1), (0, 9), (1, 1)]):
-        catalogue.add(0, 0.3, bits[looks].astype(np.float32), track, round(born_s * 1e9))
+        catalogue.add(0, 0.3, bits[looks].astype(np.float32), AHEAD, track, round(born_s * 1e9))
     for known, last_s in zip(catalogue.entries, (5, 12, 12), strict=True):
         known.sightings, known.last_seen_ns = 20, round(last_s * 1e9)
     return ekf, catalogue
@@ -38,7 +40,9 @@ def test_doubles_become_one_and_correct_the_filter() -> None:
     assert catalogue.bound(np.array([0, 1, 2])).tolist() == [0, 0, 2]
 
 
-@pytest.mark.parametrize("why", ["together", "looks", "height", "kind", "far", "unsure", "sharp"])
+@pytest.mark.parametrize(
+    "why", ["together", "looks", "height", "kind", "far", "unsure", "sharp", "back"]
+)
 def test_what_may_be_two_things_stays_two(why: str) -> None:
     ekf, catalogue = twice(0.3 if why == "far" else 0.08, 0.002 if why == "sharp" else 0.05)
     older, younger = catalogue.entries[:2]
@@ -52,6 +56,8 @@ def test_what_may_be_two_things_stays_two(why: str) -> None:
         younger.kind = 1
     elif why == "unsure":
         younger.sightings = 3
+    elif why == "back":
+        younger.along = -older.along
     before = ekf.P.copy()
     assert not merge_doubles(ekf, catalogue, CONFIG).any()
     assert np.array_equal(ekf.P, before)

@@ -36,6 +36,7 @@ def home(seed: int = 1, landmarks: int = 5) -> Home:
         height_m=np.where(rng.uniform(size=landmarks) < 0.2, np.nan, 0.5),
         sightings=np.full(landmarks, 9, np.int32),
         visits=np.full(landmarks, 2, np.int32),
+        along=rng.uniform(-1.0, 1.0, (landmarks, 2)),
         signature=rng.integers(0, 256, (len(of), 32), dtype=np.uint8),
         signature_of=np.array(of, np.int32),
         places=PlacePoints(
@@ -94,12 +95,14 @@ def test_an_empty_map_can_be_kept(tmp_path: Path) -> None:
 
 
 def test_a_file_from_before_faces_and_ways_were_kept_is_read(tmp_path: Path) -> None:
-    newer = ("grid.behind_m", "grid.driven")
+    newer = ("grid.behind_m", "grid.driven", "slam.along")
     with np.load(io.BytesIO(encode_home(home()))) as archive:
         older = {key: archive[key] for key in archive if key not in newer}
     file = io.BytesIO()
     np.savez_compressed(file, **older)
-    grid = decode_home(file.getvalue(), "older").grid
+    read = decode_home(file.getvalue(), "older")
+    grid, along = read.grid, read.slam.along
+    assert np.isnan(along).all() and along.shape == (5, 2)
     assert np.isnan(grid.behind_m).all() and grid.behind_m.shape == grid.log_odds.shape
     assert not grid.driven.any() and grid.driven.shape == grid.log_odds.shape
 
