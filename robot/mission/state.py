@@ -30,7 +30,7 @@ Name = Literal["undock", "look", "work", "return", "dock", "done", "charge"]
 class Trouble:
     """Tries to get free, until the robot drives on freely: one trouble (`ladder`)."""
 
-    since_ns: int = 0  # when the first began; later by what was worked between touches,
+    since_ns: int = 0  # when the first began; later by what was worked between meetings,
     place: SE2 = field(default_factory=SE2)  # odom_from_base then,
     swept_m2: float = 0.0  # and what had been swept
     tries: int = 0

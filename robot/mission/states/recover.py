@@ -39,6 +39,7 @@ TOUCHED_NEAR_M = 0.3
 HELD_MOST = 2
 HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's edge, a cable
 FORGET_M = 1.0
+WORKS_ON: set[Kind] = {"bump", "blocked"}  # its work between two of these is no time of trouble
 CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, so far from the last,
 WORK_M2 = 0.1  # or after so much that was swept
 
@@ -62,7 +63,7 @@ class Recover(State):
         if now.run.trouble.tries == 0 or _is_another(now):
             now.run.trouble = Trouble(now.t_ns, now.odom, now.swept.area_m2)
         trouble = now.run.trouble
-        if trouble.kinds == {"bump"} == {self._kind}:  # its work between two touches is no trouble
+        if trouble.kinds and trouble.kinds | {self._kind} <= WORKS_ON:
             trouble.since_ns += now.t_ns - max(trouble.over_ns, trouble.since_ns)
         if self._kind == "enclosed":  # it came in, so there is a way: its own marks may be wrong
             now.grid.forget_touches(now.pose, FORGET_M)

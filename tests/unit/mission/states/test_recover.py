@@ -189,7 +189,7 @@ def test_what_the_eyes_see_before_it_is_marked_only_where_it_stands_twice():
 
 
 def test_work_between_two_touches_is_no_time_of_trouble():
-    for kind, ends in (("bump", "idle"), ("slip", "error")):
+    for kind, ends in (("bump", "idle"), ("blocked", "idle"), ("slip", "error")):
         life = Life(Contact(0, bump_left=True))
         life.recover(kind)
         life.now.t_ns += 40 * 10**9  # 40 s, but not far away, and nothing swept
