@@ -273,7 +273,10 @@ class Beep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
-    """Where the robot is (10 Hz): cov 3x3 of (x, y, yaw) in `world`."""
+    """Where the robot is (10 Hz): cov 3x3 of (x, y, yaw) in `world`.
+
+    `degraded` is not sure: too vague, or nothing familiar seen since all that was followed ended.
+    """
 
     t_ns: int
     world_from_base: SE2

@@ -2,7 +2,7 @@
 
 Every second time it is lifted (its wheels drop), else it is moved between two frames and told by
 nothing. Measured: how soon it says that it is lost, how soon it knows where it is, and whether it
-ever was sure of a wrong place.
+ever was sure of a wrong place; who sees nothing familiar and says so (`degraded`) is not sure.
 """
 
 from __future__ import annotations
@@ -96,14 +96,14 @@ class _Script:
 
     def _watch(self, trial: Trial) -> None:
         for estimate in trial.estimates[self.read :]:
-            t_s, lost = estimate.t_ns * 1e-9, estimate.health == "lost"
             away = trial.true_at[estimate.t_ns].inverse() @ estimate.world_from_base
             right = math.hypot(away.x_m, away.y_m) < RIGHT_M
             right &= abs(wrap_angle(away.yaw_rad)) < RIGHT_RAD
-            self._note(t_s, lost, right)
+            self._note(estimate.t_ns * 1e-9, estimate.health, right)
         self.read = len(trial.estimates)
 
-    def _note(self, t_s: float, lost: bool, right: bool) -> None:
+    def _note(self, t_s: float, health: str, right: bool) -> None:
+        lost = health == "lost"
         if lost or not right:
             self.sure_since_s = math.inf
         else:
@@ -117,7 +117,7 @@ class _Script:
         if not lost and right and carry.found_s is None and carry.detected_s is not None:
             carry.found_s = since_s
         allowed = carry.detected_s is None and since_s < DETECT_S
-        if not lost and not right and not allowed:
+        if health == "ok" and not right and not allowed:
             carry.wrong_s += 0.1  # frames come at 10 Hz
 
 

@@ -70,6 +70,11 @@ class SelfFinder:
         self._continuity = Continuity()
         self._drop_new()
 
+    @property
+    def unconfirmed(self) -> bool:
+        """Whether nothing familiar was seen since all that was followed ended."""
+        return self._sure_ns is not None and self._broken_ns > self._sure_ns
+
     def search(self, seen: Seen, fits: Fits | None = None) -> SE2 | None:
         """While lost: world_from_base at the frame's time, once it is certain."""
         glimpse = self._look(seen, _DOUBTING_EVERY_NS)

@@ -196,6 +196,6 @@ class Slam:
         health: Literal["ok", "degraded", "lost"] = "ok"
         if self._finder.lost or sigma_m > self._config.lost_sigma_m:
             health = "lost"
-        elif sigma_m > self._config.degraded_sigma_m:
+        elif sigma_m > self._config.degraded_sigma_m or self._finder.unconfirmed:
             health = "degraded"
         return PoseEstimate(t_ns, pose, cov, health)

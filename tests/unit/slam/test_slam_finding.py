@@ -229,6 +229,21 @@ def test_what_was_seen_before_a_break_does_not_speak_for_the_place_after_it(ride
     assert asked[-1] == elsewhere(seen).t_ns > asked[0]
 
 
+def test_after_a_break_it_is_sure_once_it_sees_what_it_knows(ride: Drive) -> None:
+    finder = SelfFinder(CONFIG)
+    seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
+    finder.follow(replace(seen, motion=VisualMotion(SE2(), np.eye(3), 20)))
+    finder.judge(seen, familiar=3, pose=SE2(), cov=SURE)
+    told = [finder.unconfirmed]
+    for k, familiar in enumerate((0, 2, 3), start=1):
+        after = replace(elsewhere(seen), t_ns=seen.t_ns + k * S // 10)
+        if k == 1:
+            finder.follow(after)
+        finder.judge(after, familiar, pose=SE2(), cov=SURE)
+        told.append(finder.unconfirmed)
+    assert told == [False, True, True, False] and not finder.lost
+
+
 def test_a_pose_that_is_confirmed_does_not_jump(memory: SlamMemory, ride: Drive) -> None:
     slam = awake(memory, ride, 40.0)
     last_ns = max(e.t_ns for e in ride.events if isinstance(e, Seen) and e.t_ns < 52 * S)
