@@ -275,7 +275,7 @@ class Beep:
 class PoseEstimate:
     """Where the robot is (10 Hz): cov 3x3 of (x, y, yaw) in `world`.
 
-    `degraded` is not sure: too vague, or nothing familiar seen since all that was followed ended.
+    `degraded` is not sure: too vague, or, at home, nothing familiar since all followed ended.
     """
 
     t_ns: int

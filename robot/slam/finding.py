@@ -72,8 +72,8 @@ class SelfFinder:
 
     @property
     def unconfirmed(self) -> bool:
-        """Whether nothing familiar was seen since all that was followed ended."""
-        return self._sure_ns is not None and self._broken_ns > self._sure_ns
+        """Whether, at home, nothing familiar was seen since all that was followed ended."""
+        return self._at_home and self._broken_ns > (self._sure_ns or 0)
 
     def search(self, seen: Seen, fits: Fits | None = None) -> SE2 | None:
         """While lost: world_from_base at the frame's time, once it is certain."""

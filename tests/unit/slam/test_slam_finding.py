@@ -229,8 +229,10 @@ def test_what_was_seen_before_a_break_does_not_speak_for_the_place_after_it(ride
     assert asked[-1] == elsewhere(seen).t_ns > asked[0]
 
 
-def test_after_a_break_it_is_sure_once_it_sees_what_it_knows(ride: Drive) -> None:
-    finder = SelfFinder(CONFIG)
+def test_after_a_break_it_is_sure_once_it_sees_what_it_knows(
+    memory: SlamMemory, ride: Drive
+) -> None:
+    finder = SelfFinder(CONFIG, memory.places)
     seen = next(e for e in ride.events if isinstance(e, Seen) and len(e.landmarks) > 6)
     finder.follow(replace(seen, motion=VisualMotion(SE2(), np.eye(3), 20)))
     finder.judge(seen, familiar=3, pose=SE2(), cov=SURE)
