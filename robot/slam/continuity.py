@@ -17,6 +17,7 @@ CROWD, GROUP = 40, 20  # points that tell a motion
 NEXT_NS = 250_000_000  # if the next frame follows so soon
 READABLE = 0.5  # and has so much of its quality: no dark, no wall before the eyes
 KEPT = 0.125  # of the tracks seem to go on elsewhere, by likeness
+SEES = 0.1  # of less quality is a wall right before the eyes, whose ranges are worth nothing
 OTHER_QUALITY = 3.0  # times better or worse at once: another picture
 BEARINGS, SAME = 8, 0.25  # in so many both scans know a wall, of so few it is the same
 NEAR_M = 2.5  # ranges are good enough so far
@@ -60,7 +61,7 @@ class Continuity:
     def _cut(self, seen: Seen) -> bool:
         """Whether the walls stand elsewhere, and the picture is another one, too."""
         low, high = sorted((seen.quality, self._quality))
-        if self._held < GROUP and high < OTHER_QUALITY * low:
+        if low < SEES or (self._held < GROUP and high < OTHER_QUALITY * low):
             return False
         common, same = agreement(self._hits_m, hits(seen.scan))
         return common >= BEARINGS and same < SAME * common

@@ -64,7 +64,8 @@ def test_walls_stay_where_they_are_however_the_robot_moves(step: SE2) -> None:
         (30, 0.6, 0, nothing(), "broken"),  # and here none is seen
         (30, 0.6, 9, walls(SE2(), 0.7), "broken"),  # much later
         (0, 0.6, 0, walls(SE2(), 0.7), "broken"),  # nothing could be followed, nothing was lost
-        (0, 0.1, 0, walls(SE2(), 0.7), "carried"),  # but the picture is quite another one
+        (0, 0.2, 0, walls(SE2(), 0.7), "carried"),  # but the picture is quite another one
+        (30, 0.05, 0, walls(SE2(), 0.7), "broken"),  # or hardly a picture at all
     ],
 )
 def test_walls_that_stand_elsewhere_at_once_tell_of_a_carry(
