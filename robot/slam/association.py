@@ -19,6 +19,8 @@ from robot.slam.catalogue import Catalogue, Observations
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
 from robot.slam.sensor import expected, headings, residual, wrap
 
+_BOLD = 6.0  # times narrower than the filter's own idea: a pair that would move the pose far
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
@@ -217,6 +219,13 @@ def agreement(pairs: Pairs, gate_chi2: float, unfelt: np.ndarray) -> np.ndarray:
     floor = np.linalg.det(pairs.noise)[:, None]
     cost = np.minimum(distance + np.log(np.maximum(determinant / floor, 1e-9)), gate_chi2 + 3.0)
     return distance[:, int(np.argmin(cost.sum(axis=0)))]
+
+
+def bold(pairs: Pairs) -> np.ndarray:
+    """Mask (p,) of the pairs that tell far more than the filter knows by itself."""
+    p = len(pairs)
+    own = pairs.hph.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + pairs.noise
+    return np.asarray(np.linalg.det(own) > _BOLD**2 * np.linalg.det(pairs.noise))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,8 @@
-"""What odometry learns about itself: the gyro's bias at standstill, the wheels' difference.
+"""What odometry learns about itself: the gyro's bias, the wheels' difference.
 
-Both are plain measurements of the filter's calibration states, so the landmarks, which see the
-same errors, share in them.
+At standstill the gyro tells its bias, while driving the turn that the eyes see does. All are plain
+measurements of the filter's calibration states, so the landmarks, which see the same errors, share
+in them.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from robot.config import RobotConfig, SlamConfig
+from robot.geometry.se2 import wrap_angle
+from robot.messages import VisualMotion
 from robot.slam.ekf import CALIBRATION, LandmarkFilter
 from robot.slam.motion import GYRO_BIAS, LEFT_SCALE, RIGHT_SCALE
 from robot.slam.odometry import RESOLUTION_M, Interval
@@ -16,6 +19,8 @@ from robot.slam.odometry import RESOLUTION_M, Interval
 _BIAS_FLOOR_RADPS = 5e-4  # a bias is not steadier than this
 _STRAIGHT_RADPS = 0.3  # turns compare the track width, straights the wheels' diameters
 _STRAIGHT_M = 0.2  # rolled before the wheels are compared
+_GATE_CHI2 = 9.0  # a robot that swings to a stop stands no more than a wheel's count says
+_SIGHTED = 50  # points followed from one frame to the next: then their turn is good to 0.0002 rad
 
 
 class Calibrator:
@@ -27,13 +32,20 @@ class Calibrator:
         self._ekf = ekf
         self._straight = np.zeros(4)  # span_s, left_m, right_m, gyro yaw
 
-    def learn(self, interval: Interval) -> None:
-        """Take in one interval of driving or standing."""
-        if interval.gyro_yaw_rad is None or interval.slipped:
-            self._straight[:] = 0.0
+    def learn(self, interval: Interval, visual: VisualMotion | None = None) -> None:
+        """Take in one interval of driving or standing, and what the eyes saw of the motion."""
+        if interval.gyro_yaw_rad is None:
             return
         if interval.still:
-            self._learn_bias(interval.gyro_yaw_rad, interval.span_s)
+            var = _BIAS_FLOOR_RADPS**2 * interval.span_s**2
+            self._learn_bias(interval.gyro_yaw_rad, interval.span_s, var)
+            return
+        if visual is not None and visual.inliers >= _SIGHTED:
+            seen_rad = visual.previous_from_current.yaw_rad
+            away = wrap_angle(interval.gyro_yaw_rad - seen_rad)
+            self._learn_bias(away, interval.span_s, float(visual.cov[2, 2]))
+        if interval.slipped:
+            self._straight[:] = 0.0
             return
         bias = float(self._ekf.x[CALIBRATION][GYRO_BIAS])
         if abs(interval.gyro_yaw_rad - bias * interval.span_s) > _STRAIGHT_RADPS * interval.span_s:
@@ -49,10 +61,13 @@ class Calibrator:
             self._compare(*self._straight.tolist())
             self._straight[:] = 0.0
 
-    def _learn_bias(self, yaw_rad: float, span_s: float) -> None:
-        var = self._config.gyro_noise_rad_per_sqrt_s**2 / span_s + _BIAS_FLOOR_RADPS**2
+    def _learn_bias(self, yaw_rad: float, span_s: float, var: float) -> None:
+        """In `span_s` the gyro turned `yaw_rad` more than the robot, which is known with `var`."""
+        var = (var + self._config.gyro_noise_rad_per_sqrt_s**2 * span_s) / span_s**2
         away = yaw_rad / span_s - float(self._ekf.x[CALIBRATION][GYRO_BIAS])
-        self._measure(np.array([1.0, 0.0, 0.0, 0.0]), away, var)
+        own = float(self._ekf.head()[CALIBRATION, CALIBRATION][GYRO_BIAS, GYRO_BIAS])
+        if away**2 < _GATE_CHI2 * (own + var):
+            self._measure(np.array([1.0, 0.0, 0.0, 0.0]), away, var)
 
     def _compare(self, span_s: float, left_m: float, right_m: float, yaw_rad: float) -> None:
         """The gyro's turn is what the two wheels and the bias make of it."""

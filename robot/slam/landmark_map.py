@@ -13,6 +13,7 @@ from robot.slam.association import (
     Pairs,
     PoseEvidence,
     agreement,
+    bold,
     pair_up,
     pose_evidence,
     quadratic,
@@ -111,7 +112,11 @@ class LandmarkMap:
     # ------------------------------------------------------------ correcting
 
     def _apply(self, pairs: Pairs, seen: Observations, t_ns: int, ahead_m: float) -> np.ndarray:
-        """Update by the pairs that agree; returns which sights (m,) are spoken for."""
+        """Update by the pairs that agree; returns which sights (m,) are spoken for.
+
+        What was mapped a moment ago moves with the pose and always agrees: where the pose is
+        vague, only others long unseen can confirm one that was.
+        """
         spoken_for = np.zeros(len(seen), dtype=bool)
         spoken_for[pairs.seen[~pairs.fresh]] = True
         yaw = self._ekf.x[YAW]
@@ -120,6 +125,9 @@ class LandmarkMap:
         fits = distance < self._config.gate_chi2
         if fits.sum() < self._config.consensus:
             fits &= ~pairs.fresh
+        returning = fits & pairs.fresh & (pairs.loose_m > 0.0) & bold(pairs)
+        if returning.sum() < self._config.consensus_again:
+            fits &= ~returning
         good = pairs.select(self._best(fits, seen, pairs))
         if not self._update(good, slip):
             return spoken_for

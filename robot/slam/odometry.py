@@ -26,7 +26,7 @@ from robot.slam.motion import (
     wheel_increment,
 )
 
-_STILL_M = 0.0003  # about one encoder count
+_STILL_M = 0.0001  # less than an encoder count: who swings to a stop still turns
 _STILL_RADPS = 0.05
 _STILL_COV = np.diag([1e-5, 1e-5, 1e-5]) ** 2
 RESOLUTION_M = 0.0005  # of a wheel's travel, once per interval

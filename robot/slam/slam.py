@@ -47,6 +47,7 @@ class Slam:
         self._calibrator = Calibrator(config, robot, self._ekf)
         self._history = PoseHistory()
         self._mark: Mark | None = None
+        self._seen_ns = -1  # when the last frame was taken
         self._twist = (0.0, 0.0, 0.0)  # per second, for coasting
         self._ahead_m = self._moved_m = self._turned_rad = 0.0  # since the last correction
 
@@ -153,7 +154,9 @@ class Slam:
             by_increment @ increment.cov @ by_increment.T,
             np.array([self._config.gyro_bias_walk**2 * span_s, 0.0, 0.0, 0.0]),
         )
-        self._calibrator.learn(interval)
+        whole = not math.isnan(interval.left_m) and self._mark.t_ns == self._seen_ns
+        self._calibrator.learn(interval, visual if whole else None)
+        self._seen_ns = self._seen_ns if seen is None else t_ns
         self._finder.moved(increment.previous_from_current)
         x, y, yaw = increment.previous_from_current.log()
         self._twist = (x / span_s, y / span_s, yaw / span_s)

@@ -9,6 +9,7 @@ from robot.config import SlamConfig
 from robot.slam.association import Pairs, agreement, pair_up, pose_evidence
 from robot.slam.catalogue import BITS, Catalogue, Entry, Observations
 from robot.slam.ekf import FIRST_LANDMARK, POSE, LandmarkFilter
+from robot.slam.landmark_map import LandmarkMap
 from robot.slam.sensor import expected
 
 CONFIG = SlamConfig()
@@ -142,6 +143,23 @@ def test_nothing_seen_and_nothing_known() -> None:
     fresh = LandmarkFilter(np.full(FIRST_LANDMARK, 0.1))
     seen = room.look(np.zeros(3), np.arange(3), np.arange(3))
     assert len(pair_up(fresh, Catalogue(), seen, np.zeros(0), CONFIG)) == 0
+
+
+@pytest.mark.parametrize(("vague", "count", "again"), [(1.0, 2, 0), (1.0, 3, 3), (0.001, 1, 1)])
+def test_a_vague_pose_is_told_by_several_that_were_long_unseen(
+    vague: float, count: int, again: int
+) -> None:
+    room, t_ns = Room(9, sigma_m=0.3), 100_000_000_000
+    room.ekf.P *= vague
+    known, entries = LandmarkMap(CONFIG, room.ekf), room.catalogue.entries
+    known.entries = entries
+    for i, entry in enumerate(entries):
+        entry.sightings, entry.last_seen_ns = 20, t_ns - 100_000_000 if i < 6 else 0
+    known._catalogue.by_track = {1000 + i: entries[i] for i in range(6)}
+    which = np.r_[:6, 10 : 10 + count]
+    known.correct(room.look(np.zeros(3), which, np.r_[1000:1006, 1 : 1 + count]), t_ns, 0.0)
+    assert sum(entry.last_seen_ns == t_ns for entry in entries[10:]) == again
+    assert all(entry.last_seen_ns == t_ns for entry in entries[:6])
 
 
 def test_slip_is_found_and_measured() -> None:

@@ -57,6 +57,7 @@ def test_standstill_ignores_the_gyros_bias_but_not_a_carrying_hand() -> None:
     interval = roll(0.0, 0.0, 0.02)
     assert interval.still and interval.increment.previous_from_current == SE2()
     assert interval.gyro_yaw_rad == pytest.approx(0.002)
+    assert not roll(-0.002, 0.002, 0.02).still  # swinging to a stop
     carried = roll(0.0, 0.0, 0.8)
     assert not carried.still
     assert carried.increment.previous_from_current.yaw_rad == pytest.approx(0.08)
