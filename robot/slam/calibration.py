@@ -20,6 +20,7 @@ _BIAS_FLOOR_RADPS = 5e-4  # a bias is not steadier than this
 _STRAIGHT_RADPS = 0.3  # turns compare the track width, straights the wheels' diameters
 _STRAIGHT_M = 0.2  # rolled before the wheels are compared
 _GATE_CHI2 = 9.0  # a robot that swings to a stop stands no more than a wheel's count says
+_SIGHTED_S = 1.0  # of sighted motion are taken in together
 _SIGHTED = 50  # points followed from one frame to the next: then their turn is good to 0.0002 rad
 
 
@@ -31,6 +32,7 @@ class Calibrator:
         self._track_width_m = robot.track_width_m
         self._ekf = ekf
         self._straight = np.zeros(4)  # span_s, left_m, right_m, gyro yaw
+        self._sighted = np.zeros(3)  # the gyro's turn beyond the one seen, span_s, variance of it
 
     def learn(self, interval: Interval, visual: VisualMotion | None = None) -> None:
         """Take in one interval of driving or standing, and what the eyes saw of the motion."""
@@ -41,9 +43,11 @@ class Calibrator:
             self._learn_bias(interval.gyro_yaw_rad, interval.span_s, var)
             return
         if visual is not None and visual.inliers >= _SIGHTED:
-            seen_rad = visual.previous_from_current.yaw_rad
-            away = wrap_angle(interval.gyro_yaw_rad - seen_rad)
-            self._learn_bias(away, interval.span_s, float(visual.cov[2, 2]))
+            away = wrap_angle(interval.gyro_yaw_rad - visual.previous_from_current.yaw_rad)
+            self._sighted += away, interval.span_s, visual.cov[2, 2]
+            if self._sighted[1] >= _SIGHTED_S:
+                self._learn_bias(*self._sighted.tolist())
+                self._sighted[:] = 0.0
         if interval.slipped:
             self._straight[:] = 0.0
             return

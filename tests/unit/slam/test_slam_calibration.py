@@ -42,7 +42,8 @@ def test_what_many_points_tell_of_the_turn_teaches_the_bias(points: int, learns:
 def test_a_false_motion_is_not_believed() -> None:
     calibrator, ekf = calibrated(3e-4)
     visual = VisualMotion(SE2(0.02, 0.0, 0.01), np.diag([1e-3, 1e-3, 5e-4]) ** 2, 80)
-    calibrator.learn(Interval(NOTHING, SPAN_S, 0.02, 0.02, 0.0), visual)
+    for _ in range(11):
+        calibrator.learn(Interval(NOTHING, SPAN_S, 0.001, 0.001, 0.0), visual)
     assert bias(ekf) == 0.0
 
 
