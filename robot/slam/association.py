@@ -223,9 +223,14 @@ def agreement(pairs: Pairs, gate_chi2: float, unfelt: np.ndarray) -> np.ndarray:
 
 def bold(pairs: Pairs) -> np.ndarray:
     """Mask (p,) of the pairs that tell far more than the filter knows by itself."""
-    p = len(pairs)
-    own = pairs.hph.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + pairs.noise
-    return np.asarray(np.linalg.det(own) > _BOLD**2 * np.linalg.det(pairs.noise))
+    spread = own_spread(pairs.hph, pairs.noise)
+    return np.asarray(np.linalg.det(spread) > _BOLD**2 * np.linalg.det(pairs.noise))
+
+
+def own_spread(hph: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """The innovation's covariance of each pair by itself (p, 2, 2), from H P H^T of all."""
+    p = len(noise)
+    return np.asarray(hph.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + noise)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

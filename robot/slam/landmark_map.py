@@ -14,6 +14,7 @@ from robot.slam.association import (
     PoseEvidence,
     agreement,
     bold,
+    own_spread,
     pair_up,
     pose_evidence,
     quadratic,
@@ -181,9 +182,7 @@ class LandmarkMap:
 
     def _weights(self, pairs: Pairs, hph: np.ndarray) -> np.ndarray:
         """Huber's weights (p,) from each pair's own innovation."""
-        p = len(pairs)
-        own = hph.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + pairs.noise
-        chi2 = quadratic(pairs.residual, own)
+        chi2 = quadratic(pairs.residual, own_spread(hph, pairs.noise))
         return np.minimum(1.0, np.sqrt(self._config.huber_chi2 / np.maximum(chi2, 1e-9)))
 
     def _refuse(self, track: int) -> None:

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot.slam.association import own_spread
+
 _MAX_NODES = 2000  # beyond, the hypotheses found so far are all
 _Z_99 = 2.326  # 99 % of a normal distribution
 
@@ -48,8 +50,7 @@ class PairTable:
 
     def own(self) -> np.ndarray:
         """The innovation's covariance of each pair (p, 2, 2)."""
-        p = len(self.sight)
-        return self.shared.reshape(p, 2, p, 2)[np.arange(p), :, np.arange(p)] + self.noise
+        return own_spread(self.shared, self.noise)
 
     def distance(self, chosen: list[int]) -> tuple[float, float]:
         """Squared Mahalanobis distance and log determinant of the pairs `chosen` together."""
