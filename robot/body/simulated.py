@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from firmware_bridge.host import HostFirmware, HostInputs
+from firmware_bridge.messages import ContactBit
 from firmware_bridge.transport import SerialTransport
 from robot.body.base import Asked, Recorder
 from robot.body.eyes import Eyes
@@ -160,11 +161,11 @@ class SimulatedBody:
                     right_ticks=base.right_ticks,
                     bump_left=base.bump_left,
                     bump_right=base.bump_right,
-                    cliff=base.cliff,
                     wheel_drop=base.wheel_drop,
                     charging=base.charging,
                     battery_mv=int(base.battery_v * 1000),
                     current_ma=int(base.motor_current_a * 1000),
+                    more_contacts=ContactBit.CLIFF_LEFT * base.cliff_sensors,
                 ),
                 self._transport.bytes_sent,
             )

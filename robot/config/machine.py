@@ -16,6 +16,8 @@ class RobotConfig(Section, frozen=True):
     radius_m: Positive = 0.17
     brush_width_m: Positive = 0.20
     track_width_m: Positive = 0.23
+    # of the sensors that look down, under the front rim, from the left
+    cliff_bearings_rad: tuple[float, float, float, float] = (0.8, 0.3, -0.3, -0.8)
     cruise_mps: Annotated[float, Meta(gt=0.0, le=0.5)] = 0.25
     max_yaw_rate_radps: Annotated[float, Meta(gt=0.0, le=3.0)] = 1.6
     i2c_bus: Annotated[int, Meta(ge=0, le=30)] = 1  # of the gyro

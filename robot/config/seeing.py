@@ -64,6 +64,7 @@ class SlamConfig(Section, frozen=True):
     ambiguity: NotNegative = 2.0  # a second choice must cost this much more
     consensus: Count = 4  # agreeing pairs before a landmark is found again
     consensus_again: Count = 3  # of them long unseen, where they would move the pose far
+    again_chi2: Positive = 4.6  # and each as near as nine in ten would be
     # the map
     max_landmarks: Count = 180  # awake; the farther ones sleep
     landmarks_per_m2: Count = 6  # kept where they are more than the filter can hold

@@ -130,6 +130,7 @@ class WheelBridge:
                 bump_left=bool(bits & ContactBit.BUMP_LEFT),
                 bump_right=bool(bits & ContactBit.BUMP_RIGHT),
                 cliff=bool(bits & CLIFF),
+                cliff_sensors=(bits & CLIFF) // ContactBit.CLIFF_LEFT,
                 wheel_drop=bool(bits & ContactBit.WHEEL_DROP),
                 charging=bool(bits & ContactBit.CHARGING),
             )

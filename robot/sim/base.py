@@ -19,7 +19,6 @@ from robot.sim.world import World
 FULL_SPEED_MPS = 0.6  # rim speed at full PWM, of ordinary motors
 FRONT_RAD = math.radians(100.0)  # the bumper reaches a little past the sides
 BOTH_SIDES_RAD = math.radians(15.0)
-CLIFF_AHEAD_RAD = (-0.8, -0.3, 0.3, 0.8)  # the four sensors under the front rim
 GATHER_M = 0.5
 DOCK_REACH_M = 0.02  # the charge contacts' spring travel
 SAME_SIDE = 0.8  # cosine between two touches of one wall
@@ -64,12 +63,18 @@ class SimBase:
         self.t_s = 0.0
         self.world_from_base = world.start
         self.bump_left = self.bump_right = False
-        self.cliff = self.wheel_drop = self.cliff_entered = False
+        self.cliff_sensors = 0
+        self.wheel_drop = self.cliff_entered = False
         self.contacts: list[tuple[float, float]] = []
         self.battery_v = FULL_V
         self.faults = Faults()
 
     # ------------------------------------------------------------------ what sensors read
+
+    @property
+    def cliff(self) -> bool:
+        """Whether any of the sensors under the front rim sees no floor."""
+        return self.cliff_sensors > 0
 
     @property
     def left_ticks(self) -> int:
@@ -212,10 +217,10 @@ class SimBase:
         if not self._cliffs:
             return
         pose, radius = self.world_from_base, self._robot.radius_m
-        rim = pose.apply(
-            np.array([[radius * math.cos(a), radius * math.sin(a)] for a in CLIFF_AHEAD_RAD])
-        )
-        self.cliff = any(inside(c, x, y) for c in self._cliffs for x, y in rim)
+        bearing = np.array(self._robot.cliff_bearings_rad)
+        rim = pose.apply(radius * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
+        over = [any(inside(c, x, y) for c in self._cliffs) for x, y in rim]
+        self.cliff_sensors = sum(1 << i for i in range(len(over)) if over[i])
         half = self._robot.track_width_m / 2
         wheels = pose.apply(np.array([[0.0, half], [0.0, -half]]))
         self.wheel_drop = any(inside(c, x, y) for c in self._cliffs for x, y in wheels)

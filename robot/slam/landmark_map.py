@@ -116,7 +116,8 @@ class LandmarkMap:
         """Update by the pairs that agree; returns which sights (m,) are spoken for.
 
         What was mapped a moment ago moves with the pose and always agrees: where the pose is
-        vague, only others long unseen can confirm one that was.
+        vague, only others long unseen can confirm one that was, and all must fit well, as a wide
+        gate lets in what is not the same.
         """
         spoken_for = np.zeros(len(seen), dtype=bool)
         spoken_for[pairs.seen[~pairs.fresh]] = True
@@ -127,7 +128,8 @@ class LandmarkMap:
         if fits.sum() < self._config.consensus:
             fits &= ~pairs.fresh
         returning = fits & pairs.fresh & (pairs.loose_m > 0.0) & bold(pairs)
-        if returning.sum() < self._config.consensus_again:
+        fits &= ~returning | (distance < self._config.again_chi2)
+        if (returning & fits).sum() < self._config.consensus_again:
             fits &= ~returning
         good = pairs.select(self._best(fits, seen, pairs))
         if not self._update(good, slip):

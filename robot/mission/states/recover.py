@@ -9,6 +9,7 @@ import numpy as np
 from robot.control.follow import turn_rate_radps
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import SE2, wrap_angle
+from robot.messages import Contact
 from robot.mission.drive import back_round
 from robot.mission.ladder import (
     RETRACE_FROM,
@@ -39,6 +40,9 @@ TOUCHED_NEAR_M = 0.3
 HELD_MOST = 2
 HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's edge, a cable
 FORGET_M = 1.0
+EDGE_M = 0.02  # an edge is marked so far outside the rim,
+EDGE_RAD = 0.25  # and so wide to either side of the sensors that see no floor
+LEFT_SENSORS = 0b0011
 WORKS_ON: set[Kind] = {"bump", "blocked"}  # its work between two of these is no time of trouble
 CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, so far from the last,
 WORK_M2 = 0.1  # or after so much that was swept
@@ -193,8 +197,9 @@ class Recover(State):
         angle = min(0.5 * self._try, 0.9 * math.pi)
         if self._grazes(now):
             angle = GRAZE_TURN_RAD
-        if now.contact.bump_left != now.contact.bump_right:
-            return -angle if now.contact.bump_left else angle
+        left, right = _sides(now.contact)
+        if left != right:
+            return -angle if left else angle
         return angle if self._try % 2 else -angle
 
     def _grazes(self, now: Situation) -> bool:
@@ -215,11 +220,17 @@ class Recover(State):
             if held:
                 now.grid.mark_obstacle(_across(now, HELD_HALF_M * min(held, HELD_MOST)))
         elif self._kind == "cliff":
-            now.grid.mark_obstacle(_rim(now, np.linspace(-0.8, 0.8, 11), 0.02))
+            now.grid.mark_obstacle(_edge(now))
         elif self._kind == "blocked" and _times_before(now, now.run.blocked_at, TOUCHED_NEAR_M):
             points = now.gate.sight.nearest_ahead_m(now.odom, now.robot.radius_m / 2.0, 1)
             world_from_odom = now.pose @ now.odom.inverse()
             now.grid.mark_obstacle(world_from_odom.apply(points))
+
+
+def _sides(contact: Contact) -> tuple[bool, bool]:
+    """Whether something is met on the left, and on the right."""
+    left, right = contact.cliff_sensors & LEFT_SENSORS, contact.cliff_sensors & ~LEFT_SENSORS
+    return contact.bump_left or left > 0, contact.bump_right or right > 0
 
 
 def _times_before(now: Situation, places: list[SE2], within_m: float) -> int:
@@ -245,7 +256,13 @@ def _across(now: Situation, half_m: float) -> np.ndarray:
     return now.pose.apply(np.stack([ahead, y], axis=-1))
 
 
-def _rim(now: Situation, bearing: np.ndarray, beyond_m: float) -> np.ndarray:
-    """Points (n, 2) of `world` just outside the robot's rim at these bearings."""
-    reach = now.robot.radius_m + beyond_m
-    return now.pose.apply(reach * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
+def _edge(now: Situation) -> np.ndarray:
+    """Points (n, 2) of `world` on the edge of a cliff: outside the rim where no floor is seen."""
+    sensors = np.array(now.robot.cliff_bearings_rad)
+    without = now.contact.cliff_sensors >> np.arange(len(sensors)) & 1 > 0
+    if not without.any():  # already off the edge, or nobody told which one it was
+        without[:] = True
+    low, high = sensors[without].min() - EDGE_RAD, sensors[without].max() + EDGE_RAD
+    bearing = np.linspace(low, high, 11)
+    reach_m = now.robot.radius_m + EDGE_M
+    return now.pose.apply(reach_m * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))

@@ -140,8 +140,8 @@ def test_telemetry_becomes_events(link: FakeLink, wheels: WheelBridge) -> None:
     assert events == [
         WheelTravel(10, 20, 1.0, -0.5),
         Contact(11, bump_right=True, wheel_drop=True, charging=True),
-        Contact(12, bump_left=True, cliff=True),
-        Contact(13, cliff=True),
+        Contact(12, bump_left=True, cliff=True, cliff_sensors=0b0001),
+        Contact(13, cliff=True, cliff_sensors=0b1000),
         Battery(14, 14.2, pytest.approx(50.0)),
         LinkState(20, True, ""),
     ]

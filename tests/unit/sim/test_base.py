@@ -103,7 +103,7 @@ def test_stairs_are_felt_before_a_wheel_goes_over(perfect):
     base.carry_to(SE2(2.8, 1.9, 0.0))
     while not base.cliff:
         base.step(0.005, 0.3, 0.3)
-    assert not base.cliff_entered
+    assert base.cliff_sensors == 0b0110 and not base.cliff_entered
     drive(base, 0.3, 0.3, 2.0)
     assert base.cliff_entered
 

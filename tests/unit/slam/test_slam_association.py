@@ -145,10 +145,8 @@ def test_nothing_seen_and_nothing_known() -> None:
     assert len(pair_up(fresh, Catalogue(), seen, np.zeros(0), CONFIG)) == 0
 
 
-@pytest.mark.parametrize(("vague", "count", "again"), [(1.0, 2, 0), (1.0, 3, 3), (0.001, 1, 1)])
-def test_a_vague_pose_is_told_by_several_that_were_long_unseen(
-    vague: float, count: int, again: int
-) -> None:
+def seen_again(vague: float, count: int, off_m: float = 0.0) -> list[bool]:
+    """Which of `count` landmarks long unseen are believed; the last one is sighted too far."""
     room, t_ns = Room(9, sigma_m=0.3), 100_000_000_000
     room.ekf.P *= vague
     known, entries = LandmarkMap(CONFIG, room.ekf), room.catalogue.entries
@@ -157,9 +155,24 @@ def test_a_vague_pose_is_told_by_several_that_were_long_unseen(
         entry.sightings, entry.last_seen_ns = 20, t_ns - 100_000_000 if i < 6 else 0
     known._catalogue.by_track = {1000 + i: entries[i] for i in range(6)}
     which = np.r_[:6, 10 : 10 + count]
-    known.correct(room.look(np.zeros(3), which, np.r_[1000:1006, 1 : 1 + count]), t_ns, 0.0)
-    assert sum(entry.last_seen_ns == t_ns for entry in entries[10:]) == again
+    seen = room.look(np.zeros(3), which, np.r_[1000:1006, 1 : 1 + count])
+    seen.sight[-1, 0] += off_m
+    known.correct(seen, t_ns, 0.0)
     assert all(entry.last_seen_ns == t_ns for entry in entries[:6])
+    return [entry.last_seen_ns == t_ns for entry in entries[10 : 10 + count]]
+
+
+@pytest.mark.parametrize(("vague", "count", "again"), [(1.0, 2, 0), (1.0, 3, 3), (0.001, 1, 1)])
+def test_a_vague_pose_is_told_by_several_that_were_long_unseen(
+    vague: float, count: int, again: int
+) -> None:
+    assert sum(seen_again(vague, count)) == again
+
+
+def test_what_was_long_unseen_must_fit_well() -> None:
+    off_m = 3.0 * math.sqrt(NOISE[0, 0])
+    assert seen_again(1.0, 4, off_m) == [True, True, True, False]
+    assert seen_again(0.001, 4, off_m) == [True] * 4  # it cannot move a pose that is known
 
 
 def test_slip_is_found_and_measured() -> None:

@@ -207,6 +207,15 @@ def test_a_cliff_is_marked_across_the_way():
     assert life.now.odom.x_m < -0.1
 
 
+@pytest.mark.parametrize(("sensors", "side"), [(0b0001, 1.0), (0b0011, 1.0), (0b1000, -1.0)])
+def test_an_edge_is_marked_where_no_floor_is_seen_and_turned_away_from(sensors, side):
+    life = Life(Contact(0, cliff=True, cliff_sensors=sensors), stop="cliff")
+    life.recover("cliff")
+    bearing = side * np.arctan2(*occupied(life.now.grid.snapshot()).T[::-1])
+    assert bearing.min() > -0.05 and bearing.max() > 0.8
+    assert side * life.now.odom.yaw_rad < -0.2
+
+
 def test_a_stop_that_cannot_be_cleared_is_an_error():
     life = Life(Contact(0), stop="stall")
     life.now.orders = Deaf()
