@@ -122,9 +122,8 @@ class LandmarkFilter(ExtendedKalmanFilter):
         head = self.head()
         motion = np.concatenate([by_pose, by_calibration], axis=1)
         rows = motion @ self._store[_MOVED_BY]
-        corner = rows[:, _MOVED_BY] @ motion.T + noise
         self._store[POSE] = rows
-        head[POSE, POSE] = 0.5 * (corner + corner.T)
+        head[POSE, POSE] = rows[:, _MOVED_BY] @ motion.T + noise
         np.einsum("ii->i", head[CALIBRATION, CALIBRATION])[:] += calibration_noise
         self.x[POSE] = pose
         self._stale = True

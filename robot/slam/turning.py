@@ -32,12 +32,13 @@ def bend(turn_rad: float) -> tuple[complex, complex]:
 def multiply(entries: np.ndarray, factor: complex, positions: tuple[slice, ...]) -> None:
     """Multiply each pair of x and y among the entries (n,) in place."""
     for part in positions:
-        entries[part].view(complex)[:] *= factor
+        pairs = entries[part].view(complex)
+        np.multiply(pairs, factor, out=pairs)
 
 
 def swing(way: np.ndarray, positions: tuple[slice, ...]) -> np.ndarray:
     """How each entry (n,) of the state swings with the heading, by the way that it went."""
     swung = np.zeros_like(way)
     for part in positions:
-        swung[part].view(complex)[:] = 1j * way[part].view(complex)
+        np.multiply(way[part].view(complex), 1j, out=swung[part].view(complex))
     return swung
