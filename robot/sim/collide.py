@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numba import njit
 
+_STEPS = 48  # of a ray; it ends early beside a wall that it runs along
+
 
 @njit(cache=True)
 def nearest(segments, x, y, from_m):  # type: ignore[no-untyped-def]
@@ -56,6 +58,24 @@ def _spread(segments, x0, y0, resolution, reach, clearance):  # type: ignore[no-
                 d = math.hypot(px - t * bx, py - t * by)
                 if d < clearance[r, c]:
                     clearance[r, c] = d
+
+
+@njit(cache=True)
+def march(far, cell, x0, y0, x, y, angle):  # type: ignore[no-untyped-def]
+    """Distances (n,) from x, y along each angle (n,) to matter: by steps through the distances
+    `far` (rows, columns) of cells to the nearest matter, the first cell's corner at x0, y0.
+    """
+    rows, columns = far.shape
+    reach = np.zeros(len(angle))
+    for i in range(len(angle)):
+        c, s = math.cos(angle[i]), math.sin(angle[i])
+        for _ in range(_STEPS):
+            column = min(max(int((x + reach[i] * c - x0) / cell), 0), columns - 1)
+            row = min(max(int((y + reach[i] * s - y0) / cell), 0), rows - 1)
+            if far[row, column] <= 0.0:
+                break
+            reach[i] += far[row, column]
+    return reach
 
 
 def clearance_m(

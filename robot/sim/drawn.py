@@ -9,6 +9,7 @@ missed columns near plain things, false ones, landmarks that shift with the side
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from robot.config import Config
 from robot.geometry.se2 import SE2
 from robot.messages import Landmark, Marker, Scan, Seen, VisualMotion
+from robot.sim.collide import march
 from robot.sim.world import World
 
 CELL_M = 0.01
@@ -86,18 +88,9 @@ class DrawnSight:
     # ------------------------------------------------------------------ scan
 
     def _cast(self, eye: SE2, angle_rad: np.ndarray) -> np.ndarray:
-        """Distance (n,) from the eye to the first obstacle, by steps through the distance field."""
-        c, s = np.cos(eye.yaw_rad + angle_rad), np.sin(eye.yaw_rad + angle_rad)
-        rows, columns = self._far_m.shape
-        reach_m = np.zeros(len(angle_rad))
-        for _ in range(48):
-            x = ((eye.x_m + reach_m * c - self._x0) / CELL_M).astype(int).clip(0, columns - 1)
-            y = ((eye.y_m + reach_m * s - self._y0) / CELL_M).astype(int).clip(0, rows - 1)
-            step = self._far_m[y, x]
-            if not (step > 0.0).any():
-                break
-            reach_m += step
-        return reach_m
+        """Distance (n,) from the eye to the first obstacle."""
+        angle_rad = eye.yaw_rad + angle_rad
+        return march(self._far_m, CELL_M, self._x0, self._y0, eye.x_m, eye.y_m, angle_rad)
 
     def _shared(self, sigma: float) -> np.ndarray:
         """Noise (FAN,) that neighbouring rays share."""
@@ -169,7 +162,7 @@ class DrawnSight:
     def _landmark(self, i: int, at_m: np.ndarray, from_rad: float) -> Landmark:
         """One sight of landmark `i`, which truly is at (2,) in the eye's frame."""
         side = int(from_rad / (2.0 * math.pi) * SIDES) % SIDES
-        shift = np.random.default_rng([i, side]).normal(0.0, SIDE_SIGMA_M, 2)
+        shift = _shift_m(i, side)
         z, across = np.maximum(at_m + shift, [0.1, -10.0])
         camera = self._camera
         sigma_z = z * z * SIGMA_D_PX / (camera.focal_px * camera.baseline_m)
@@ -248,3 +241,9 @@ class DrawnSight:
                 track_id=self._marker_track,
             )
         ]
+
+
+@lru_cache(maxsize=4096)
+def _shift_m(i: int, side: int) -> np.ndarray:
+    """How far (2,) landmark `i` lies from itself when it is seen from another side."""
+    return np.random.default_rng([i, side]).normal(0.0, SIDE_SIGMA_M, 2)
