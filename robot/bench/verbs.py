@@ -168,7 +168,7 @@ def _slam(arguments: argparse.Namespace) -> Result:
 
 
 def _faults(arguments: argparse.Namespace) -> Result:
-    from robot.bench.faults import bench_faults
+    from robot.bench.faults.bench import bench_faults
 
     names = [name.strip() for name in arguments.faults.split(",") if name.strip()]
     result = bench_faults(arguments.trials, names, _config(arguments), arguments.jobs)

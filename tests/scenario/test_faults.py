@@ -3,7 +3,8 @@
 import cv2
 import pytest
 
-from robot.bench.faults import FAULTS, bench_faults, run_fault
+from robot.bench.faults.bench import bench_faults, run_fault
+from robot.bench.faults.twelve import FAULTS
 from robot.bench.trial import Trial
 from robot.config import Config
 from robot.errors import SweeperError
