@@ -1,4 +1,4 @@
-"""What a touch tells the map: where the bumper met something, so that the next plan avoids it."""
+"""What a touch or an edge tells the map: where it was met, so that the next plan avoids it."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ DEPTH_M = 0.015  # the nearest of it, as thick as the map is unsure: its middle 
 GAP_M = 0.005  # a touched thing is marked so far beyond the rim
 STEP_M = 0.025  # marks so near to one another are a line in the map
 STRIP_M = 0.3  # of a wall, to either side: who drives along it would touch it again and again
+EDGE_M = 0.02  # an edge is marked so far outside the rim,
+EDGE_RAD = 0.25  # and so wide to either side of the sensors that see no floor
 
 
 def touched(now: Situation, last: Touch, half_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -44,6 +46,18 @@ def touched(now: Situation, last: Touch, half_m: float) -> tuple[np.ndarray, np.
     strip = np.outer(np.append(moved, marked), tangent)
     points = now.pose.apply(strip + rim_m * inward)
     return points, SE2(yaw_rad=now.pose.yaw_rad).apply(inward)
+
+
+def edge(now: Situation) -> np.ndarray:
+    """Points (n, 2) of `world` on the edge of a cliff: outside the rim where no floor is seen."""
+    sensors = np.array(now.robot.cliff_bearings_rad)
+    without = now.contact.cliff_sensors >> np.arange(len(sensors)) & 1 > 0
+    if not without.any():  # already off the edge, or nobody told which one it was
+        without[:] = True
+    low, high = sensors[without].min() - EDGE_RAD, sensors[without].max() + EDGE_RAD
+    bearing = np.linspace(low, high, 11)
+    reach_m = now.robot.radius_m + EDGE_M
+    return now.pose.apply(reach_m * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
 
 
 def line(from_m: float, to_m: float) -> np.ndarray:

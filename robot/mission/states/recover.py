@@ -21,7 +21,7 @@ from robot.mission.ladder import (
     back_off_m,
     exhausted,
 )
-from robot.mission.marks import GAP_M, line, touched
+from robot.mission.marks import GAP_M, edge, line, touched
 from robot.mission.retrace import Retrace
 from robot.mission.state import Latch, Situation, State, Step, Trouble, seconds
 from robot.mission.states.rest import give_up
@@ -40,8 +40,6 @@ TOUCHED_NEAR_M = 0.3
 HELD_MOST = 2
 HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's edge, a cable
 FORGET_M = 1.0
-EDGE_M = 0.02  # an edge is marked so far outside the rim,
-EDGE_RAD = 0.25  # and so wide to either side of the sensors that see no floor
 LEFT_SENSORS = 0b0011
 WORKS_ON: set[Kind] = {"bump", "blocked"}  # its work between two of these is no time of trouble
 CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, so far from the last,
@@ -220,7 +218,7 @@ class Recover(State):
             if held:
                 now.grid.mark_obstacle(_across(now, HELD_HALF_M * min(held, HELD_MOST)))
         elif self._kind == "cliff":
-            now.grid.mark_obstacle(_edge(now))
+            now.grid.mark_obstacle(edge(now))
         elif self._kind == "blocked" and _times_before(now, now.run.blocked_at, TOUCHED_NEAR_M):
             points = now.gate.sight.nearest_ahead_m(now.odom, now.robot.radius_m / 2.0, 1)
             world_from_odom = now.pose @ now.odom.inverse()
@@ -254,15 +252,3 @@ def _across(now: Situation, half_m: float) -> np.ndarray:
     y = line(-half_m, half_m)
     ahead = np.full(len(y), now.robot.radius_m + GAP_M)
     return now.pose.apply(np.stack([ahead, y], axis=-1))
-
-
-def _edge(now: Situation) -> np.ndarray:
-    """Points (n, 2) of `world` on the edge of a cliff: outside the rim where no floor is seen."""
-    sensors = np.array(now.robot.cliff_bearings_rad)
-    without = now.contact.cliff_sensors >> np.arange(len(sensors)) & 1 > 0
-    if not without.any():  # already off the edge, or nobody told which one it was
-        without[:] = True
-    low, high = sensors[without].min() - EDGE_RAD, sensors[without].max() + EDGE_RAD
-    bearing = np.linspace(low, high, 11)
-    reach_m = now.robot.radius_m + EDGE_M
-    return now.pose.apply(reach_m * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
