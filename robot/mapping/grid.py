@@ -21,16 +21,18 @@ from robot.mapping.raster import Window, grown, moved, window_around
 from robot.messages import Grid, Scan
 
 UNKNOWN = -1
+_TOUCHED, _EDGE = 1, 2
 _NEAR_M = 0.02  # nearer than this before the eye nothing can be seen
 _RIM_M = 0.05  # slack for the pose's error when a touched place is found to be free
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GridMemory:
-    """A grid to begin with: arrays of (rows, columns), float32, `sticky` and `driven` bool.
+    """A grid to begin with: arrays of (rows, columns), float32, `sticky` uint8 and `driven` bool.
 
-    `sticky` cells were touched, on `driven` ones the robot has stood; `behind_m` is how far a
-    cell's centre lies behind the face of matter, NaN where that is unknown.
+    `sticky` cells were touched (1) or an edge was felt there (2), on `driven` ones the robot has
+    stood; `behind_m` is how far a cell's centre lies behind the face of matter, NaN where that is
+    unknown.
     Cell (0, 0) has its outer corner at (`ix0`, `iy0`) times `resolution_m` in `world`.
     """
 
@@ -55,7 +57,7 @@ class OccupancyGrid:
         self._eye_m = eye_m
         self._window = Window(0, 0, 0, 0)
         self._log_odds = np.zeros((0, 0), np.float32)
-        self._sticky = np.zeros((0, 0), bool)
+        self._sticky = np.zeros((0, 0), np.uint8)
         self._driven = np.zeros((0, 0), bool)
         self._fronts = Fronts(config.resolution_m)
         step_m = config.resolution_m * 0.8
@@ -87,30 +89,41 @@ class OccupancyGrid:
         return np.stack([polar * f(scan.bearing_rad) for f in (np.cos, np.sin)], 1) - self._eye_m
 
     def mark_obstacle(self, points_m: np.ndarray, inward: np.ndarray | None = None) -> None:
-        """Points (n, 2) in `world` where something was touched (bumper, cliff): stays for good.
+        """Points (n, 2) in `world` where something was touched: stays until it is forgotten.
 
         `inward` (2,) is given where the points lie on its face, and points into it.
         """
-        points = np.asarray(points_m, dtype=float).reshape(-1, 2)
-        points = points[np.isfinite(points).all(axis=1)]
+        points = _finite(points_m)
+        if self._mark(points, _TOUCHED) and inward is not None:
+            self._fronts.touch(points, inward)
+
+    def mark_edge(self, points_m: np.ndarray) -> None:
+        """Points (n, 2) in `world` where no floor was felt: stays for good, whatever eyes say."""
+        self._mark(_finite(points_m), _EDGE)
+
+    def _mark(self, points: np.ndarray, what: int) -> bool:
+        """Whether some of the points (n, 2) lie within reason, and were marked."""
         if len(points) == 0:
-            return
+            return False
         res = self._config.resolution_m
         low, high = points.min(axis=0), points.max(axis=0)
-        if self._reserve(window_around(low[0], low[1], high[0], high[1], res)):
-            index = np.floor(points / res).astype(int)
-            self._sticky[index[:, 1] - self._window.iy0, index[:, 0] - self._window.ix0] = True
-            if inward is not None:
-                self._fronts.touch(points, inward)
+        if not self._reserve(window_around(low[0], low[1], high[0], high[1], res)):
+            return False
+        x, y = np.floor(points / res).astype(int).T
+        at = y - self._window.iy0, x - self._window.ix0
+        self._sticky[at] = np.maximum(self._sticky[at], what)
+        return True
 
     def forget_touches(self, world_from_base: SE2, radius_m: float) -> None:
         """Let marks of touches within `radius_m` go where the eyes say that there is floor."""
         res, x, y = self._config.resolution_m, world_from_base.x_m, world_from_base.y_m
-        rows, columns = np.nonzero(self._sticky & (self._log_odds <= -self._config.free_below))
+        rows, columns = np.nonzero(
+            (self._sticky == _TOUCHED) & (self._log_odds <= -self._config.free_below)
+        )
         dx = (columns + self._window.ix0 + 0.5) * res - x
         dy = (rows + self._window.iy0 + 0.5) * res - y
         near = np.hypot(dx, dy) <= radius_m
-        self._sticky[rows[near], columns[near]] = False
+        self._sticky[rows[near], columns[near]] = 0
 
     def clear_footprint(self, world_from_base: SE2, radius_m: float) -> None:
         """Where the robot stands there is floor; what was touched at its rim stays an obstacle.
@@ -126,7 +139,7 @@ class OccupancyGrid:
         far_m2 = dx[None, :] ** 2 + dy[:, None] ** 2
         inside = far_m2 <= radius_m**2
         part = self._log_odds[self._window.slices(window)]
-        self._sticky[self._window.slices(window)] &= far_m2 > max(0.0, radius_m - _RIM_M) ** 2
+        self._sticky[self._window.slices(window)] *= far_m2 > max(0.0, radius_m - _RIM_M) ** 2
         part[inside] = np.minimum(part[inside], -2.0 * self._config.free_below)
         self._driven[self._window.slices(window)] |= inside
 
@@ -141,7 +154,8 @@ class OccupancyGrid:
     def memory(self) -> GridMemory:
         """Copy what is known, cut to it."""
         rows, columns = (
-            np.flatnonzero(((self._log_odds != 0.0) | self._sticky).any(axis=a)) for a in (1, 0)
+            np.flatnonzero(((self._log_odds != 0.0) | (self._sticky > 0)).any(axis=a))
+            for a in (1, 0)
         )
         if len(rows) == 0:
             none = np.zeros((0, 0), np.float32)
@@ -166,14 +180,15 @@ class OccupancyGrid:
         rows, columns = memory.log_odds.shape
         self._window = Window(memory.ix0, memory.iy0, memory.ix0 + columns, memory.iy0 + rows)
         self._log_odds = memory.log_odds.astype(np.float32)
-        self._sticky = memory.sticky.astype(bool)
+        self._sticky = memory.sticky.astype(np.uint8)
         self._fronts.restore(self._window, memory.behind_m)
         self._driven = memory.driven.astype(bool)
 
     def snapshot(self) -> Grid:
         """The grid as a message, cut to what is known (at least one cell)."""
-        known = (self._log_odds <= -self._config.free_below) | self._sticky
-        occupied = (self._log_odds >= self._config.occupied_above) | self._sticky
+        marked = self._sticky > 0
+        known = (self._log_odds <= -self._config.free_below) | marked
+        occupied = (self._log_odds >= self._config.occupied_above) | marked
         cells = np.full(known.shape, UNKNOWN, np.int8)
         seen = known | occupied
         cells[seen] = np.rint(self._fronts.filled(occupied)[seen]).astype(np.int8)
@@ -243,3 +258,9 @@ class OccupancyGrid:
         self._fronts.follow(new)
         self._window = new
         return True
+
+
+def _finite(points_m: np.ndarray) -> np.ndarray:
+    """Those of the points (n, 2) that are numbers."""
+    points = np.asarray(points_m, dtype=float).reshape(-1, 2)
+    return points[np.isfinite(points).all(axis=1)]

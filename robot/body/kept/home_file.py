@@ -35,7 +35,7 @@ _DTYPE: dict[str, type] = {
     "slam.along": np.float64, "slam.signature": np.uint8, "slam.signature_of": np.int32,
     "places.xy_m": np.float64, "places.height_m": np.float64, "places.signature": np.uint8,
     "places.kind": np.uint8, "places.sightings": np.int32,
-    "grid.log_odds": np.float32, "grid.sticky": np.bool_, "grid.behind_m": np.float32,
+    "grid.log_odds": np.float32, "grid.sticky": np.uint8, "grid.behind_m": np.float32,
     "grid.driven": np.bool_,
 }  # fmt: skip
 
@@ -92,6 +92,8 @@ def decode_home(data: bytes, name: str) -> Home:
 def _complete(arrays: dict[str, np.ndarray]) -> None:
     """Add what older files do not hold."""
     cells = arrays["grid.log_odds"].shape
+    if arrays["grid.sticky"].dtype == bool:  # older files do not tell edges from touches
+        arrays["grid.sticky"] = arrays["grid.sticky"].astype(np.uint8)
     arrays.setdefault("grid.behind_m", np.full(cells, np.nan, np.float32))
     arrays.setdefault("grid.driven", np.zeros(cells, bool))
     arrays.setdefault("slam.along", np.full((len(arrays["slam.kind"]), 2), np.nan))

@@ -218,7 +218,7 @@ class Recover(State):
             if held:
                 now.grid.mark_obstacle(_across(now, HELD_HALF_M * min(held, HELD_MOST)))
         elif self._kind == "cliff":
-            now.grid.mark_obstacle(edge(now))
+            now.grid.mark_edge(edge(now))
         elif self._kind == "blocked" and _times_before(now, now.run.blocked_at, TOUCHED_NEAR_M):
             points = now.gate.sight.nearest_ahead_m(now.odom, now.robot.radius_m / 2.0, 1)
             world_from_odom = now.pose @ now.odom.inverse()

@@ -201,9 +201,12 @@ def test_touches_are_forgotten_where_the_eyes_see_floor():
     for _ in range(10):
         grid.integrate(SE2(), scan_of(SE2(), wall_at(1.5)))
     grid.mark_obstacle(np.array([[0.6, 0.0], [1.2, 0.0], [0.0, 0.5]]))
+    grid.mark_edge(np.array([[0.8, 0.0]]))
+    grid.mark_obstacle(np.array([[0.8, 0.0]]))
     grid.forget_touches(SE2(), 1.0)
     view = grid.snapshot()
     assert free(cell(view, 0.6, 0.0))
+    assert cell(view, 0.8, 0.0) >= 50  # it looks like floor, but an edge was felt
     assert cell(view, 1.2, 0.0) >= 50  # too far away
     assert cell(view, 0.0, 0.5) >= 50  # never seen
 

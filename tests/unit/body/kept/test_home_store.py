@@ -98,12 +98,14 @@ def test_a_file_from_before_faces_and_ways_were_kept_is_read(tmp_path: Path) -> 
     newer = ("grid.behind_m", "grid.driven", "slam.along")
     with np.load(io.BytesIO(encode_home(home()))) as archive:
         older = {key: archive[key] for key in archive if key not in newer}
+    older["grid.sticky"] = older["grid.sticky"] > 0
     file = io.BytesIO()
     np.savez_compressed(file, **older)
     read = decode_home(file.getvalue(), "older")
     grid, along = read.grid, read.slam.along
     assert np.isnan(along).all() and along.shape == (5, 2)
     assert np.isnan(grid.behind_m).all() and grid.behind_m.shape == grid.log_odds.shape
+    assert np.array_equal(grid.sticky, older["grid.sticky"]) and grid.sticky.dtype == np.uint8
     assert not grid.driven.any() and grid.driven.shape == grid.log_odds.shape
 
 
