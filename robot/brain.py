@@ -173,7 +173,7 @@ class Brain:
         self._estimate = estimate
         self._world_from_odom = estimate.world_from_base @ odom_from_base.inverse()
         if trusted:
-            self._grid.clear_footprint(self._pose(), self._config.robot.radius_m)
+            self._feel_floor()
         self._gate.keep_out.know(self._barriers(), odom_from_base)
         if seen.t_ns - self._view_ns >= VIEW_EVERY_NS:
             self._view, self._view_ns = self._grid.snapshot(), seen.t_ns
@@ -185,6 +185,14 @@ class Brain:
     def _share_at(self, odom_from_base: SE2, world_from_base: SE2) -> float:
         """Of what was seen lately, the share that the map has, were the robot there."""
         return self._recognition.share_at(self._view, world_from_base @ odom_from_base.inverse())
+
+    def _feel_floor(self) -> None:
+        """There is floor under the robot; the wheels tell how hard it is to cross."""
+        pose, robot = self._pose(), self._config.robot
+        self._grid.clear_footprint(pose, robot.radius_m)
+        pressed = self._contact.bump_left or self._contact.bump_right
+        if not pressed and math.isfinite(lost := self._slip.lost):
+            self._grid.feel(pose, robot.track_width_m / 2.0, lost)
 
     def _pose(self) -> SE2:
         """world_from_base now: the last estimate composed with the odometry since its frame."""

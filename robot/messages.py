@@ -248,8 +248,8 @@ class ClearOrder:
 class PlanOrder:
     """Ask the planning worker for a path over a snapshot of the map, or for its rooms.
 
-    `covered` is bool, of the grid's shape. `goal` is used by "route" only. Unless `explore`, floor
-    that is not known yet is left alone.
+    `covered` is bool, of the grid's shape, and `lost_pct` uint8: what wheels lose there by slip.
+    `goal` is used by "route" only. Unless `explore`, floor not known yet is left alone.
     """
 
     t_ns: int
@@ -260,6 +260,7 @@ class PlanOrder:
     start: SE2
     goal: SE2 | None = None
     explore: bool = True
+    lost_pct: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True)

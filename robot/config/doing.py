@@ -18,6 +18,7 @@ class PlanningConfig(Section, frozen=True):
     unknown_clearance_m: NotNegative = 0.08  # kept between the centre and unseen floor
     lane_overlap_m: NotNegative = 0.01  # neighbouring lanes share this much of the brush
     soft_clearance_m: Positive = 0.35  # routes prefer this much room around the centre
+    slip_cost: NotNegative = 4.0  # a metre on which all is lost by slip costs so many more
     min_patch_m2: Positive = 0.01  # uncovered specks smaller than this are left
     min_sliver_m: NotNegative = 0.05  # and strips thinner than this
     worth_m2_per_m: NotNegative = 0.02  # floor that makes up for a metre of way to it

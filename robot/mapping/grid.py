@@ -17,6 +17,7 @@ import numpy as np
 from robot.config import MappingConfig
 from robot.geometry.se2 import SE2
 from robot.mapping.fronts import Fronts
+from robot.mapping.going import Going
 from robot.mapping.raster import Window, grown, moved, window_around
 from robot.messages import Grid, Scan
 
@@ -32,7 +33,7 @@ class GridMemory:
 
     `sticky` cells were touched (1) or an edge was felt there (2), on `driven` ones the robot has
     stood; `behind_m` is how far a cell's centre lies behind the face of matter, NaN where that is
-    unknown.
+    unknown, and `lost_pct` (uint8) what wheels lost there by slip.
     Cell (0, 0) has its outer corner at (`ix0`, `iy0`) times `resolution_m` in `world`.
     """
 
@@ -43,6 +44,7 @@ class GridMemory:
     sticky: np.ndarray
     behind_m: np.ndarray
     driven: np.ndarray
+    lost_pct: np.ndarray
 
 
 class OccupancyGrid:
@@ -60,6 +62,7 @@ class OccupancyGrid:
         self._sticky = np.zeros((0, 0), np.uint8)
         self._driven = np.zeros((0, 0), bool)
         self._fronts = Fronts(config.resolution_m)
+        self._going = Going()
         step_m = config.resolution_m * 0.8
         self._radii_m = np.arange(step_m / 2.0, config.max_range_m, step_m, dtype=np.float32)
         # Evidence fades with the square of the distance, as the precision of stereo does.
@@ -130,18 +133,22 @@ class OccupancyGrid:
 
         Only a mark well under the robot's body is wiped: nothing can be there.
         """
-        res, x, y = self._config.resolution_m, world_from_base.x_m, world_from_base.y_m
-        window = window_around(x - radius_m, y - radius_m, x + radius_m, y + radius_m, res)
+        window, far_m2 = self._around(world_from_base, radius_m)
         if not self._reserve(window):
             return
-        dx = (np.arange(window.ix0, window.ix1) + 0.5) * res - x
-        dy = (np.arange(window.iy0, window.iy1) + 0.5) * res - y
-        far_m2 = dx[None, :] ** 2 + dy[:, None] ** 2
         inside = far_m2 <= radius_m**2
         part = self._log_odds[self._window.slices(window)]
         self._sticky[self._window.slices(window)] *= far_m2 > max(0.0, radius_m - _RIM_M) ** 2
         part[inside] = np.minimum(part[inside], -2.0 * self._config.free_below)
         self._driven[self._window.slices(window)] |= inside
+
+    def _around(self, pose: SE2, radius_m: float) -> tuple[Window, np.ndarray]:
+        """The cells around a pose, and how far (squared, m2) their centres are from it."""
+        res, x, y = self._config.resolution_m, pose.x_m, pose.y_m
+        window = window_around(x - radius_m, y - radius_m, x + radius_m, y + radius_m, res)
+        dx = (np.arange(window.ix0, window.ix1) + 0.5) * res - x
+        dy = (np.arange(window.iy0, window.iy1) + 0.5) * res - y
+        return window, dx[None, :] ** 2 + dy[:, None] ** 2
 
     def driven(self, points_m: np.ndarray) -> bool:
         """Whether the robot has stood on each of the points (n, 2) of `world`, ever."""
@@ -150,6 +157,18 @@ class OccupancyGrid:
         rows, columns = self._driven.shape
         inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
         return bool(inside.all()) and bool(self._driven[y, x].all())
+
+    def feel(self, world_from_base: SE2, radius_m: float, lost: float) -> None:
+        """The wheels, within `radius_m`, lost this share (0 to 1) of the way that they rolled."""
+        window, far_m2 = self._around(world_from_base, radius_m)
+        if self._reserve(window):
+            self._going.learn(window, far_m2 <= radius_m**2, lost)
+
+    def lost_pct(self, view: Grid) -> np.ndarray:
+        """What wheels lost by slip in the cells of a snapshot: percent, uint8 of its shape."""
+        ix0, iy0 = (round(v / view.resolution_m) for v in (view.origin_x_m, view.origin_y_m))
+        rows, columns = view.cells.shape
+        return self._going.on(Window(ix0, iy0, ix0 + columns, iy0 + rows))
 
     def memory(self) -> GridMemory:
         """Copy what is known, cut to it."""
@@ -160,7 +179,16 @@ class OccupancyGrid:
         if len(rows) == 0:
             none = np.zeros((0, 0), np.float32)
             no = none.astype(bool)
-            return GridMemory(self._config.resolution_m, 0, 0, none, no, none, no)
+            return GridMemory(
+                self._config.resolution_m,
+                0,
+                0,
+                none,
+                no.astype(np.uint8),
+                none,
+                no,
+                no.astype(np.uint8),
+            )
         part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
         ix0, iy0 = self._window.ix0 + int(columns[0]), self._window.iy0 + int(rows[0])
         return GridMemory(
@@ -171,6 +199,7 @@ class OccupancyGrid:
             self._sticky[part].copy(),
             self._fronts.memory()[part],
             self._driven[part].copy(),
+            self._going.memory(self._window)[part],
         )
 
     def restore(self, memory: GridMemory) -> None:
@@ -183,6 +212,7 @@ class OccupancyGrid:
         self._sticky = memory.sticky.astype(np.uint8)
         self._fronts.restore(self._window, memory.behind_m)
         self._driven = memory.driven.astype(bool)
+        self._going.restore(self._window, memory.lost_pct)
 
     def snapshot(self) -> Grid:
         """The grid as a message, cut to what is known (at least one cell)."""
@@ -256,6 +286,7 @@ class OccupancyGrid:
         self._sticky = moved(self._sticky, self._window, new)
         self._driven = moved(self._driven, self._window, new)
         self._fronts.follow(new)
+        self._going.follow(new)
         self._window = new
         return True
 

@@ -68,9 +68,21 @@ class PlanDesk:
         covered = self._swept.on(grid)
         if area is not None:
             covered = covered | ~area(grid)
+        lost_pct = self._grid.lost_pct(grid)
         grid = forbid(grid, self._notes.current, self._margin_m)
-        explore = area is None
-        orders.append(PlanOrder(t_ns, self._order_id, kind, grid, covered, start, goal, explore))
+        orders.append(
+            PlanOrder(
+                t_ns,
+                self._order_id,
+                kind,
+                grid,
+                covered,
+                start,
+                goal,
+                explore=area is None,
+                lost_pct=lost_pct if lost_pct.any() else None,
+            )
+        )
 
     def planned(self, answer: Planned) -> None:
         """Take an answer in; one to an older order is dropped."""

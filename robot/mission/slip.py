@@ -8,7 +8,9 @@ from collections import deque
 from robot.messages import VisualMotion, WheelTravel
 
 FRAMES = 20  # two seconds at 10 Hz
+LATELY = 10  # of them, for what is lost here
 MIN_ROLLED_M = 0.15  # less proves nothing
+LATELY_ROLLED_M = 0.1
 MIN_SHARE = 0.3  # of the rolled way; less is slipping
 MIN_INLIERS = 15
 STALE_NS = 1_000_000_000
@@ -48,6 +50,15 @@ class SlipWatch:
     def forget(self) -> None:
         """Begin anew: what comes now has nothing to do with what was."""
         self._steps.clear()
+
+    @property
+    def lost(self) -> float:
+        """Share of the way rolled lately, 0 to 1, that carried nothing; NaN: too little rolled."""
+        lately = list(self._steps)[-LATELY:]
+        rolled_m, carried_m = (sum(step[i] for step in lately) for i in (0, 1))
+        if rolled_m < LATELY_ROLLED_M:
+            return math.nan
+        return min(1.0, max(0.0, 1.0 - carried_m / rolled_m))
 
     @property
     def slipping(self) -> bool:

@@ -41,6 +41,7 @@ class Space:
     centres: np.ndarray  # bool: those from which to sweep: `drivable` less tight passages
     floor: np.ndarray  # bool: what the brush reaches from them
     uncovered: np.ndarray  # bool: reachable floor not swept yet
+    lost: np.ndarray  # float32, 0 to 1: share of the way that wheels lose by slip
     start: np.ndarray  # (2,) cells: where the robot is
     entry: np.ndarray  # (2,) cells: the start, or the nearest reachable centre if it is off
     heading_rad: float
@@ -139,7 +140,12 @@ def without_pockets(unknown: np.ndarray, max_cells: int) -> np.ndarray:
 
 
 def build_space(
-    grid: Grid, covered: np.ndarray, start: SE2, planning: PlanningConfig, robot: RobotConfig
+    grid: Grid,
+    covered: np.ndarray,
+    start: SE2,
+    planning: PlanningConfig,
+    robot: RobotConfig,
+    lost_pct: np.ndarray | None = None,
 ) -> Space | None:
     """The plan frame for `start`; None where the robot fits nowhere near it."""
     res = grid.resolution_m
@@ -174,6 +180,10 @@ def build_space(
     swept = cv2.warpAffine(
         covered.astype(np.uint8), warp, size, flags=nearest, borderValue=0
     ).astype(bool)
+    lost = np.zeros_like(clearance)
+    if lost_pct is not None:
+        lost_pct = np.pad(lost_pct, pad)
+        lost = cv2.warpAffine(lost_pct, warp, size, flags=nearest, borderValue=0) / np.float32(100)
 
     need_m = robot.radius_m + planning.margin_m
     fits = (clearance >= need_m) & (seen >= planning.unknown_clearance_m)
@@ -200,6 +210,7 @@ def build_space(
         centres,
         floor,
         floor & ~swept,
+        lost,
         at,
         at
         if math.hypot(entry[0] - at[0], entry[1] - at[1]) <= _BESIDE_M / cell_m

@@ -34,7 +34,7 @@ def plan_coverage(space: Space, planning: PlanningConfig, robot: RobotConfig) ->
     """The whole work that is known, in order. No points: nothing is left to do."""
     todo = worthwhile(space, space.uncovered, planning)
     remaining_m2 = space.area_m2(todo)
-    lattice = Lattice(space, planning.soft_clearance_m)
+    lattice = Lattice(space, planning.soft_clearance_m, planning.slip_cost)
     areas = label_areas(space)
     pieces = work_pieces(space, todo, areas, planning, robot) if remaining_m2 > 0.0 else []
     # While there is more to see the map will change: then the far end of a plan is of no use.

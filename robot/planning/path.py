@@ -25,10 +25,14 @@ _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
 class Lattice:
-    """Coarse graph over the reachable centres of a `Space`."""
+    """Coarse graph over the reachable centres of a `Space`.
 
-    def __init__(self, space: Space, soft_clearance_m: float) -> None:
-        self._space = space
+    Ways prefer `soft_clearance_m` of room, and floor that wheels lose nothing on: where all is lost
+    by slip, a metre costs `slip_cost` more.
+    """
+
+    def __init__(self, space: Space, soft_clearance_m: float, slip_cost: float) -> None:
+        self._space, self._slip_cost = space, slip_cost
         self.cell_m = space.cell_m
         self._block = max(1, round(_NODE_M / space.cell_m))
         self._soft_m = max(soft_clearance_m, space.need_m + 1e-3)
@@ -40,9 +44,7 @@ class Lattice:
 
     def clear(self, a: np.ndarray, b: np.ndarray, need_m: float | None = None) -> bool:
         """True if the robot can drive straight from `a` to `b` (cells)."""
-        n = max(2, int(math.hypot(b[0] - a[0], b[1] - a[1]) * 1.5) + 2)
-        x = np.rint(np.linspace(a[0], b[0], n)).astype(int)
-        y = np.rint(np.linspace(a[1], b[1], n)).astype(int)
+        x, y = _line(a, b)
         need = self._space.need_m - self._tolerance_m if need_m is None else need_m
         room = self._space.clearance_m[y, x]
         # Whoever begins too near to matter may leave, but not come nearer.
@@ -115,7 +117,7 @@ class Lattice:
 
     def route(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
         """Waypoints (n, 2) in cells from `start` to `goal`, both included; None if cut off."""
-        if self.clear(start, goal):
+        if self._straight(start, goal, np.array([start, goal])):
             return np.array([start, goal])
         nodes = self._way(self.node_at(start), self.node_at(goal))
         return self._pulled(start, nodes, goal) if nodes else None
@@ -151,12 +153,22 @@ class Lattice:
         kept, anchor, i = [points[0]], 0, 1
         while i < len(points) - 1:
             need = max(least, min(space.need_m + 0.05, float(room[anchor : i + 2].min())))
-            if not self.clear(points[anchor], points[i + 1], need):
+            if not self._straight(points[anchor], points[i + 1], points[anchor : i + 2], need):
                 kept.append(points[i])
                 anchor = i
             i += 1
         kept.append(points[-1])
         return np.array(kept)
+
+    def _straight(
+        self, a: np.ndarray, b: np.ndarray, instead: np.ndarray, need_m: float | None = None
+    ) -> bool:
+        """Whether a straight way may take the place of the points `instead` (n, 2)."""
+        if not self.clear(a, b, need_m):
+            return False
+        (x, y), (at_x, at_y) = _line(a, b), np.rint(instead).astype(int).T
+        lost = self._space.lost
+        return bool(lost[y, x].max() <= lost[at_y, at_x].max())
 
     def _along(self, nodes: list[int]) -> np.ndarray:
         """The nodes' points, and the bends of edges that are not straight."""
@@ -211,8 +223,9 @@ class Lattice:
         room = np.concatenate([room[good], np.full(len(bent), space.need_m)])
         length = np.hypot(*(self.points[pair[:, 0]] - self.points[pair[:, 1]]).T)
         tight = np.clip((self._soft_m - room) / (self._soft_m - space.need_m), 0.0, 1.0)
-        cost = length * (1.0 + tight)
-        return pair, cost
+        middle = np.rint(self.points[pair].mean(axis=1)).astype(int)
+        lost = self._space.lost[middle[:, 1], middle[:, 0]]
+        return pair, length * (1.0 + tight + self._slip_cost * lost)
 
     def _bend(self, pairs: np.ndarray) -> np.ndarray:
         """Those pairs of neighbours that touch although no straight line joins them."""
@@ -234,3 +247,10 @@ class Lattice:
                 )
                 touching.append((i, j))
         return np.array(touching, np.int64).reshape(-1, 2)
+
+
+def _line(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows of the cells on the straight line between two points."""
+    n = max(2, int(math.hypot(b[0] - a[0], b[1] - a[1]) * 1.5) + 2)
+    x, y = (np.rint(np.linspace(a[i], b[i], n)).astype(int) for i in (0, 1))
+    return x, y

@@ -24,7 +24,7 @@ def plan(order: PlanOrder, planning: PlanningConfig, robot: RobotConfig) -> Plan
     An empty path means that there is nothing to do (coverage) or no way (route); `reason` says so.
     `remaining_m2` is the known reachable floor that is not swept yet, for both kinds.
     """
-    space = build_space(order.grid, order.covered, order.start, planning, robot)
+    space = build_space(order.grid, order.covered, order.start, planning, robot, order.lost_pct)
     if space is None:
         found = CoveragePlan(_NOWHERE, 0.0, "the robot fits nowhere near its place")
         return _answer(order, _NOWHERE, found, 0.0)
@@ -47,7 +47,8 @@ def _route(space: Space, goal: SE2, planning: PlanningConfig) -> CoveragePlan:
     target = _nearest_place(space, wanted)
     if target is None:
         return CoveragePlan(_NOWHERE, remaining_m2, "the goal cannot be reached on known floor")
-    points = Lattice(space, planning.soft_clearance_m).route(space.entry, target)
+    lattice = Lattice(space, planning.soft_clearance_m, planning.slip_cost)
+    points = lattice.route(space.entry, target)
     if points is None:
         return CoveragePlan(_NOWHERE, remaining_m2, "no way leads to the goal")
     points = np.vstack([space.start[None], points])

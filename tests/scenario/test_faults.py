@@ -1,6 +1,7 @@
 """Things go wrong: the robot gets out of it, or says why it stands, within a minute."""
 
 import cv2
+import numpy as np
 import pytest
 
 from robot.bench.faults.bench import bench_faults, run_fault
@@ -58,6 +59,26 @@ def test_when_the_light_comes_back_it_goes_on():
     told = [(s.state, s.reason) for s in trial.states]
     assert ("clean", "it sees again") in told
     assert max(d.v_mps for d in trial.drives if d.t_ns * 1e-9 > 27.0) > 0.12
+
+
+def test_floor_on_which_the_wheels_slip_is_learned_and_told_to_the_planner():
+    trial = Trial(Config(), "flat", 2)
+    trial.end_s = 34.0
+    slippery = []
+
+    def script(trial, t_s):
+        trial.base.faults.slip = 0.55 if 18.0 < t_s < 28.0 else 0.0
+        if trial.base.faults.slip:
+            slippery.append(trial.world.start.inverse() @ trial.pose)
+
+    trial.live(script)
+    view = trial.brain.home().grid
+    ys, xs = np.nonzero(view.lost_pct >= 40)
+    assert len(xs) * view.resolution_m**2 > 0.05
+    x, y = ((v + 0.5) * view.resolution_m for v in (xs + view.ix0, ys + view.iy0))
+    way = np.array([(pose.x_m, pose.y_m) for pose in slippery])
+    far = np.hypot(x[:, None] - way[:, 0], y[:, None] - way[:, 1]).min(axis=1)
+    assert far.max() < 0.45  # half a metre of way is what the wheels are judged by
 
 
 def test_an_unknown_fault_is_refused_with_the_choices():

@@ -28,7 +28,7 @@ FORMAT = 1
 _MAX_BYTES = 64_000_000
 _MAX_CELLS = 4000  # along one side: 200 m
 _SLAM = ("state", "kind", "height_m", "sightings", "visits", "along", "signature", "signature_of")
-_GRID = ("log_odds", "sticky", "behind_m", "driven")
+_GRID = ("log_odds", "sticky", "behind_m", "driven", "lost_pct")
 _DTYPE: dict[str, type] = {
     "slam.state": np.float64, "slam.cov": np.float64, "slam.kind": np.uint8,
     "slam.height_m": np.float64, "slam.sightings": np.int32, "slam.visits": np.int32,
@@ -36,7 +36,7 @@ _DTYPE: dict[str, type] = {
     "places.xy_m": np.float64, "places.height_m": np.float64, "places.signature": np.uint8,
     "places.kind": np.uint8, "places.sightings": np.int32,
     "grid.log_odds": np.float32, "grid.sticky": np.uint8, "grid.behind_m": np.float32,
-    "grid.driven": np.bool_,
+    "grid.driven": np.bool_, "grid.lost_pct": np.uint8,
 }  # fmt: skip
 
 
@@ -96,6 +96,7 @@ def _complete(arrays: dict[str, np.ndarray]) -> None:
         arrays["grid.sticky"] = arrays["grid.sticky"].astype(np.uint8)
     arrays.setdefault("grid.behind_m", np.full(cells, np.nan, np.float32))
     arrays.setdefault("grid.driven", np.zeros(cells, bool))
+    arrays.setdefault("grid.lost_pct", np.zeros(cells, np.uint8))
     arrays.setdefault("slam.along", np.full((len(arrays["slam.kind"]), 2), np.nan))
 
 
@@ -113,6 +114,7 @@ def _home(arrays: dict[str, np.ndarray], about: dict[str, Any], name: str) -> Ho
         "grid.sticky": arrays["grid.log_odds"].shape,
         "grid.behind_m": arrays["grid.log_odds"].shape,
         "grid.driven": arrays["grid.log_odds"].shape,
+        "grid.lost_pct": arrays["grid.log_odds"].shape,
     }  # fmt: skip
     if any(arrays[key].shape != shape for key, shape in shapes.items()) or n < 10 or n % 2:
         raise ValueError("wrong shape")

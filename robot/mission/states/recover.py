@@ -207,12 +207,14 @@ class Recover(State):
 
     def _mark(self, now: Situation) -> None:
         """Write into the map what was met, so that the next plan avoids it."""
-        contact = now.contact
-        held = _times_before(now, now.run.held_at, AWAY_M) if self._kind in ("stop", "slip") else 0
+        held = 0
+        if self._kind in ("stop", "slip"):
+            held = _times_before(now, now.run.held_at, AWAY_M)
+            now.grid.feel(now.pose, now.robot.track_width_m / 2.0, 1.0)
         if self._kind in ("bump", "stuck") or held:
             times = _times_before(now, now.run.touched_at, TOUCHED_NEAR_M)
             half_m = TOUCH_HALF_M * 2.0 ** min(times, TOUCHED_MOST)
-            last = touch(contact, now.odom)
+            last = touch(now.contact, now.odom)
             now.grid.mark_obstacle(*touched(now, last, half_m))
             now.run.touches.appendleft(last)
             if held:

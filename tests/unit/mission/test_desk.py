@@ -27,6 +27,18 @@ def test_an_order_carries_the_map_and_the_covered_floor():
     assert abs(d.known_free_m2 - np.pi * 0.3**2) < 0.02
 
 
+def test_an_order_tells_where_wheels_slip_if_anybody_knows():
+    grid, orders = OccupancyGrid(MappingConfig()), []
+    grid.clear_footprint(SE2(), 0.3)
+    d = PlanDesk(grid, SweptFloor(MappingConfig(), 0.2))
+    d.order(5, "route", SE2(), orders, SE2(2.0))
+    grid.feel(SE2(), 0.1, 1.0)
+    d.order(6, "route", SE2(), orders, SE2(2.0))
+    before, after = orders
+    assert before.lost_pct is None
+    assert after.lost_pct.shape == after.grid.cells.shape and after.lost_pct.max() == 50
+
+
 def test_only_the_answer_to_the_newest_order_counts_and_only_once():
     d, orders = desk(), []
     d.order(0, "coverage", SE2(), orders)

@@ -47,3 +47,13 @@ def test_without_eyes_or_after_forgetting_nothing_is_told():
 
 def test_standing_still_is_no_slip():
     assert not live((0.0, 0.0), (0.0, 0.0)).slipping
+
+
+@pytest.mark.parametrize(("share", "lost"), [(1.0, 0.0), (0.6, 0.4), (0.0, 1.0)])
+def test_the_share_that_is_lost_is_measured(share, lost):
+    assert live((0.025, 0.025), (0.025 * share, 0.0)).lost == pytest.approx(lost, abs=0.1)
+
+
+def test_only_what_was_rolled_lately_counts_and_too_little_tells_nothing():
+    assert np.isnan(live((0.005, 0.005), (0.005, 0.0)).lost)
+    assert np.isnan(live((0.025, 0.025), (0.0, 0.0), frames=4).lost)

@@ -27,7 +27,7 @@ def empty_room() -> Lattice:
         grid, np.zeros(cells.shape, bool), SE2(3.0, 3.0), PlanningConfig(), RobotConfig()
     )
     assert space is not None
-    return Lattice(space, 0.35)
+    return Lattice(space, 0.35, 4.0)
 
 
 LATTICE = empty_room()

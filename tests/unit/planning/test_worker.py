@@ -31,10 +31,11 @@ def box(cells: np.ndarray, x0: float, y0: float, x1: float, y1: float, value: in
     cells[round(y0 * s) : round(y1 * s), round(x0 * s) : round(x1 * s)] = value
 
 
-def ask(cells, start, kind="coverage", goal=None, covered=None) -> Planned:
+def ask(cells, start, kind="coverage", goal=None, covered=None, lost_pct=None) -> Planned:
     grid = Grid(CELL_M, 0.0, 0.0, cells)
     covered = np.zeros(cells.shape, bool) if covered is None else covered
-    return plan(PlanOrder(5, 7, kind, grid, covered, start, goal), PLANNING, ROBOT)
+    order = PlanOrder(5, 7, kind, grid, covered, start, goal, lost_pct=lost_pct)
+    return plan(order, PLANNING, ROBOT)
 
 
 def along(points_m: np.ndarray) -> np.ndarray:
@@ -136,3 +137,41 @@ def test_a_speck_far_away_is_not_worth_the_way():
     near = ask(cells, SE2(5.2, 1.0), covered=covered)
     assert len(far.path.points_m) == 0 and far.remaining_m2 > 0.0
     assert len(near.path.points_m) >= 2
+
+
+def carpet(cells: np.ndarray, *band: float) -> np.ndarray:
+    lost_pct = np.zeros(cells.shape, np.uint8)
+    box(lost_pct, *band, value=60)
+    return lost_pct
+
+
+def lost_on(lost_pct: np.ndarray, answer: Planned) -> float:
+    """Metres of the path on the carpet."""
+    at = (along(answer.path.points_m) / CELL_M).astype(int)
+    return np.count_nonzero(lost_pct[at[:, 1], at[:, 0]]) * 0.01
+
+
+def test_a_route_goes_round_floor_where_wheels_slip():
+    cells = room(4.0, 3.0)
+    lost_pct = carpet(cells, 1.5, 0.0, 2.5, 1.9)
+    start, goal = SE2(0.5, 1.2), SE2(3.5, 1.2)
+    assert lost_on(lost_pct, ask(cells, start, "route", goal)) > 0.9
+    round_it = ask(cells, start, "route", goal, lost_pct=lost_pct)
+    np.testing.assert_allclose(round_it.path.points_m[-1], (3.5, 1.2), atol=1e-6)
+    assert lost_on(lost_pct, round_it) == 0.0
+
+
+def test_a_route_crosses_it_where_there_is_no_other_way_and_straight():
+    cells = room(4.0, 2.0)
+    lost_pct = carpet(cells, 1.5, 0.0, 2.5, 2.0)
+    answer = ask(cells, SE2(0.5, 0.6), "route", SE2(3.5, 1.4), lost_pct=lost_pct)
+    np.testing.assert_allclose(answer.path.points_m[-1], (3.5, 1.4), atol=1e-6)
+    assert 0.9 < lost_on(lost_pct, answer) < 1.3
+
+
+def test_a_carpet_is_swept_like_any_floor():
+    cells = room()
+    lost_pct = carpet(cells, 1.0, 0.5, 2.0, 1.5)
+    answer = ask(cells, SE2(0.5, 0.5), lost_pct=lost_pct)
+    done = swept(cells, along(answer.path.points_m))
+    assert done[lost_pct > 0].mean() > 0.99

@@ -48,10 +48,13 @@ def home(seed: int = 1, landmarks: int = 5) -> Home:
         ),
     )
     cells = rng.normal(0, 1, (30, 40)).astype(np.float32)
+    lost = rng.integers(0, 101, (30, 40), dtype=np.uint8)
     notes = MapNotes(Annotations(rooms=(RoomName(f"kitchen {seed}", (1.0, 2.0)),)))
     return Home(
         slam,
-        GridMemory(0.05, -7, 3, cells, cells > 2, np.where(cells > 1, cells, np.nan), cells < 1),
+        GridMemory(
+            0.05, -7, 3, cells, cells > 2, np.where(cells > 1, cells, np.nan), cells < 1, lost
+        ),
         SE2(0.1, -0.2, 0.3),
         SE2(0.2),
         notes.to_dict(),
@@ -68,6 +71,7 @@ def same(a: Home, b: Home) -> bool:
     ]
     pairs += [(a.grid.log_odds, b.grid.log_odds), (a.grid.sticky, b.grid.sticky)]
     pairs += [(a.grid.behind_m, b.grid.behind_m), (a.grid.driven, b.grid.driven)]
+    pairs += [(a.grid.lost_pct, b.grid.lost_pct)]
     rest = [
         (h.slam.marker_known, h.grid.ix0, h.grid.iy0, h.world_from_docked, h.docked_from_marker)
         for h in (a, b)
@@ -95,7 +99,7 @@ def test_an_empty_map_can_be_kept(tmp_path: Path) -> None:
 
 
 def test_a_file_from_before_faces_and_ways_were_kept_is_read(tmp_path: Path) -> None:
-    newer = ("grid.behind_m", "grid.driven", "slam.along")
+    newer = ("grid.behind_m", "grid.driven", "grid.lost_pct", "slam.along")
     with np.load(io.BytesIO(encode_home(home()))) as archive:
         older = {key: archive[key] for key in archive if key not in newer}
     older["grid.sticky"] = older["grid.sticky"] > 0
@@ -106,6 +110,7 @@ def test_a_file_from_before_faces_and_ways_were_kept_is_read(tmp_path: Path) -> 
     assert np.isnan(along).all() and along.shape == (5, 2)
     assert np.isnan(grid.behind_m).all() and grid.behind_m.shape == grid.log_odds.shape
     assert np.array_equal(grid.sticky, older["grid.sticky"]) and grid.sticky.dtype == np.uint8
+    assert not grid.lost_pct.any() and grid.lost_pct.shape == grid.log_odds.shape
     assert not grid.driven.any() and grid.driven.shape == grid.log_odds.shape
 
 
