@@ -36,17 +36,19 @@ class HostInputs:
     right_ticks: int = 0
     bump_left: bool = False
     bump_right: bool = False
+    cliff: bool = False
     wheel_drop: bool = False
     charging: bool = False
     battery_mv: int = 16000
     current_ma: int = 0
-    more_contacts: int = 0  # further `ContactBit`s: the cliff sensors
+    more_contacts: int = 0  # further `ContactBit`s: single cliff sensors
 
     def contacts(self) -> int:
-        """The switches as `ContactBit`s."""
+        """The switches as `ContactBit`s; one cliff stands for the two front sensors."""
         return (
             ContactBit.BUMP_LEFT * self.bump_left
             | ContactBit.BUMP_RIGHT * self.bump_right
+            | (ContactBit.CLIFF_FRONT_LEFT | ContactBit.CLIFF_FRONT_RIGHT) * self.cliff
             | ContactBit.WHEEL_DROP * self.wheel_drop
             | ContactBit.CHARGING * self.charging
             | self.more_contacts

@@ -75,9 +75,9 @@ class Contact:
     bump_left: bool = False
     bump_right: bool = False
     cliff: bool = False
-    cliff_sensors: int = 0  # which of them: bits, the leftmost sensor's is 1
     wheel_drop: bool = False
     charging: bool = False
+    cliff_sensors: int = 0  # which of them see no floor: bits, the leftmost sensor's is 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,6 +82,5 @@ def test_a_program_that_ends_is_one_sentence() -> None:
 
 def test_inputs_become_contact_bits() -> None:
     assert HostInputs().contacts() == 0
-    cliffs = ContactBit.CLIFF_LEFT | ContactBit.CLIFF_RIGHT
-    inputs = HostInputs(0, 0, True, True, True, True, more_contacts=int(cliffs))
-    assert inputs.contacts() == 0xFF & ~(ContactBit.CLIFF_FRONT_LEFT | ContactBit.CLIFF_FRONT_RIGHT)
+    everything = HostInputs(0, 0, True, True, True, True, True).contacts()
+    assert everything == 0xFF & ~(ContactBit.CLIFF_LEFT | ContactBit.CLIFF_RIGHT)
