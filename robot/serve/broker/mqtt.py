@@ -12,6 +12,7 @@ import json
 import logging
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,7 @@ from robot.serve.picture import map_png
 from robot.serve.runtime import Unreachable
 
 if TYPE_CHECKING:
-    from paho.mqtt.client import Client, MQTTMessage
+    from paho.mqtt.client import Client, MQTTMessage, MQTTMessageInfo
 
 MAX_QUEUED = 64
 MAX_COMMAND_BYTES = 4096
@@ -35,6 +36,7 @@ MAX_FLEET = 1000
 STATE_EVERY_S = 5.0  # at least; a change is told at once
 MAP_EVERY_S = 5.0  # at most
 COMMANDS_PER_S = 10
+LEAVE_S = 2.0  # to say that it is offline
 
 TROUBLES = ("error", "lifted", "unreachable")
 
@@ -104,9 +106,15 @@ class MqttBridge:
                 await asyncio.sleep(0.05)
         finally:
             self._robot.world.unsubscribe(box)
-            self._publish("available", b"offline")
-            client.disconnect()
-            await asyncio.to_thread(client.loop_stop)
+            await asyncio.to_thread(self._leave)
+
+    def _leave(self) -> None:
+        """Say offline, then go: who goes in order leaves no will that says it."""
+        said = self._publish("available", b"offline")
+        with suppress(ValueError, RuntimeError):  # no broker, or a full queue: nobody to tell
+            said.wait_for_publish(LEAVE_S)
+        self._client.disconnect()
+        self._client.loop_stop()
 
     # ------------------------------------------------------------------ out
 
@@ -148,8 +156,8 @@ class MqttBridge:
         picture = (dict(world.tiles), list(world.track), world.resolution_m)
         self._publish("map", await asyncio.to_thread(map_png, *picture))
 
-    def _publish(self, leaf: str, payload: bytes, *, retain: bool = True) -> None:
-        self._client.publish(f"{self._base}/{leaf}", payload, qos=1, retain=retain)
+    def _publish(self, leaf: str, payload: bytes, *, retain: bool = True) -> MQTTMessageInfo:
+        return self._client.publish(f"{self._base}/{leaf}", payload, qos=1, retain=retain)
 
     # ------------------------------------------------------------------ in
 
