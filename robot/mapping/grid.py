@@ -178,17 +178,8 @@ class OccupancyGrid:
         )
         if len(rows) == 0:
             none = np.zeros((0, 0), np.float32)
-            no = none.astype(bool)
-            return GridMemory(
-                self._config.resolution_m,
-                0,
-                0,
-                none,
-                no.astype(np.uint8),
-                none,
-                no,
-                no.astype(np.uint8),
-            )
+            no, zero = none.astype(bool), none.astype(np.uint8)
+            return GridMemory(self._config.resolution_m, 0, 0, none, zero, none, no, zero)
         part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
         ix0, iy0 = self._window.ix0 + int(columns[0]), self._window.iy0 + int(rows[0])
         return GridMemory(
