@@ -18,7 +18,7 @@ from robot.config import MappingConfig
 from robot.geometry.se2 import SE2
 from robot.mapping.fronts import Fronts
 from robot.mapping.going import Going
-from robot.mapping.raster import Window, grown, moved, window_around
+from robot.mapping.raster import Window, grown, moved, window_around, window_of
 from robot.messages import Grid, Scan
 
 UNKNOWN = -1
@@ -166,9 +166,7 @@ class OccupancyGrid:
 
     def lost_pct(self, view: Grid) -> np.ndarray:
         """What wheels lost by slip in the cells of a snapshot: percent, uint8 of its shape."""
-        ix0, iy0 = (round(v / view.resolution_m) for v in (view.origin_x_m, view.origin_y_m))
-        rows, columns = view.cells.shape
-        return self._going.on(Window(ix0, iy0, ix0 + columns, iy0 + rows))
+        return self._going.on(window_of(view))
 
     def memory(self) -> GridMemory:
         """Copy what is known, cut to it."""

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot.messages import Grid
+
 GROW_CELLS = 64
 
 
@@ -66,6 +68,13 @@ def window_around(
         math.floor(x_max_m / resolution_m) + 2,
         math.floor(y_max_m / resolution_m) + 2,
     )
+
+
+def window_of(grid: Grid) -> Window:
+    """The cells of a grid on the lattice."""
+    ix0, iy0 = (round(at / grid.resolution_m) for at in (grid.origin_x_m, grid.origin_y_m))
+    rows, columns = grid.cells.shape
+    return Window(ix0, iy0, ix0 + columns, iy0 + rows)
 
 
 def grown(window: Window, wanted: Window) -> Window:

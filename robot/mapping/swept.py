@@ -9,7 +9,7 @@ import numpy as np
 
 from robot.config import MappingConfig
 from robot.geometry.se2 import SE2
-from robot.mapping.raster import Window, grown, moved, window_around
+from robot.mapping.raster import Window, grown, moved, window_around, window_of
 from robot.messages import Grid
 
 _SHIFT = 6  # binary digits of sub-cell precision in cv2's polygon filling
@@ -58,9 +58,7 @@ class SweptFloor:
         res = self._resolution_m
         if abs(grid.resolution_m - res) > 1e-9:
             raise ValueError(f"grid has cells of {grid.resolution_m} m, swept floor {res} m")
-        ix0, iy0 = round(grid.origin_x_m / res), round(grid.origin_y_m / res)
-        rows, columns = grid.cells.shape
-        return moved(self._cells, self._window, Window(ix0, iy0, ix0 + columns, iy0 + rows)) > 0
+        return moved(self._cells, self._window, window_of(grid)) > 0
 
     @property
     def area_m2(self) -> float:

@@ -48,14 +48,18 @@ def touched(now: Situation, last: Touch, half_m: float) -> tuple[np.ndarray, np.
     return points, SE2(yaw_rad=now.pose.yaw_rad).apply(inward)
 
 
+def over_edge_rad(now: Situation) -> np.ndarray:
+    """Bearings (k,) in `base` of the sensors that see no floor."""
+    sensors = np.array(now.robot.cliff_bearings_rad)
+    return sensors[now.contact.cliff_sensors >> np.arange(len(sensors)) & 1 > 0]
+
+
 def edge(now: Situation) -> np.ndarray:
     """Points (n, 2) of `world` on the edge of a cliff: outside the rim where no floor is seen."""
-    sensors = np.array(now.robot.cliff_bearings_rad)
-    without = now.contact.cliff_sensors >> np.arange(len(sensors)) & 1 > 0
-    if not without.any():  # already off the edge, or nobody told which one it was
-        without[:] = True
-    low, high = sensors[without].min() - EDGE_RAD, sensors[without].max() + EDGE_RAD
-    bearing = np.linspace(low, high, 11)
+    over = over_edge_rad(now)
+    if not len(over):  # already off the edge, or nobody told which one it was
+        over = np.array(now.robot.cliff_bearings_rad)
+    bearing = np.linspace(over.min() - EDGE_RAD, over.max() + EDGE_RAD, 11)
     reach_m = now.robot.radius_m + EDGE_M
     return now.pose.apply(reach_m * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
 

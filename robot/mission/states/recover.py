@@ -9,7 +9,6 @@ import numpy as np
 from robot.control.follow import turn_rate_radps
 from robot.control.wish import Wish, halt
 from robot.geometry.se2 import SE2, wrap_angle
-from robot.messages import Contact
 from robot.mission.drive import back_round
 from robot.mission.ladder import (
     RETRACE_FROM,
@@ -21,7 +20,7 @@ from robot.mission.ladder import (
     back_off_m,
     exhausted,
 )
-from robot.mission.marks import GAP_M, edge, line, touched
+from robot.mission.marks import GAP_M, edge, line, over_edge_rad, touched
 from robot.mission.retrace import Retrace
 from robot.mission.state import Latch, Situation, State, Step, Trouble, seconds
 from robot.mission.states.rest import give_up
@@ -40,7 +39,6 @@ TOUCHED_NEAR_M = 0.3
 HELD_MOST = 2
 HELD_HALF_M = 0.15  # for each time that its wheels were held before: a carpet's edge, a cable
 FORGET_M = 1.0
-LEFT_SENSORS = 0b0011
 WORKS_ON: set[Kind] = {"bump", "blocked"}  # its work between two of these is no time of trouble
 CALM_S, AWAY_M = 12.0, 0.6  # another trouble begins after so long, so far from the last,
 WORK_M2 = 0.1  # or after so much that was swept
@@ -195,7 +193,7 @@ class Recover(State):
         angle = min(0.5 * self._try, 0.9 * math.pi)
         if self._grazes(now):
             angle = GRAZE_TURN_RAD
-        left, right = _sides(now.contact)
+        left, right = _sides(now)
         if left != right:
             return -angle if left else angle
         return angle if self._try % 2 else -angle
@@ -227,10 +225,11 @@ class Recover(State):
             now.grid.mark_obstacle(world_from_odom.apply(points))
 
 
-def _sides(contact: Contact) -> tuple[bool, bool]:
+def _sides(now: Situation) -> tuple[bool, bool]:
     """Whether something is met on the left, and on the right."""
-    left, right = contact.cliff_sensors & LEFT_SENSORS, contact.cliff_sensors & ~LEFT_SENSORS
-    return contact.bump_left or left > 0, contact.bump_right or right > 0
+    over = over_edge_rad(now)
+    left, right = bool((over > 0.0).any()), bool((over < 0.0).any())
+    return now.contact.bump_left or left, now.contact.bump_right or right
 
 
 def _times_before(now: Situation, places: list[SE2], within_m: float) -> int:
